@@ -15,7 +15,15 @@ if TYPE_CHECKING:  # the command line says what is wrong with its words before n
 
 
 class DeltaOptError(Exception):
-    """The base class of all errors that deltaopt raises on purpose."""
+    """The base class of all errors that deltaopt raises on purpose.
+
+    Example:
+        >>> try:
+        ...     deltaopt.load_robot("nowhere.yaml")
+        ... except deltaopt.DeltaOptError as error:
+        ...     print(type(error).__name__)
+        SceneError
+    """
 
 
 class Unusable(DeltaOptError):
@@ -30,6 +38,13 @@ class SceneError(Unusable):
     ``expected``: what would be right, with its unit, as a noun phrase. ``problem``: what is wrong,
     such as "is missing"; by default that it is this value. ``place``: in the file, such as "line 3,
     column 10"; empty where that is not known.
+
+    Example:
+        >>> try:
+        ...     deltaopt.Limits(platform_speed="3 kg")
+        ... except deltaopt.SceneError as error:
+        ...     print(error.key, error.value)
+        platform_speed 3 kg
     """
 
     def __init__(
@@ -89,6 +104,14 @@ class Unreachable(DeltaOptError):
 
     ``points``: indices of all such points among those that were asked for, the first of which the
     message names; empty where no array of points was.
+
+    Example:
+        >>> model = deltaopt.DeltaModel(deltaopt.load_robot("problems/robots/orsino.yaml"))
+        >>> try:
+        ...     model.inverse_kinematics([(0.45, 0.0, 0.0), (2.0, 0.0, 0.0)])
+        ... except deltaopt.Unreachable as error:
+        ...     print([int(point) for point in error.points])
+        [1]
     """
 
     def __init__(self, message: str, points: Sequence[int] | NDArray[np.intp] = ()) -> None:
@@ -126,6 +149,10 @@ class Singular(DeltaOptError):
     ``kind``: of the singularity. ``chain``: 1 to 3; None for a parallel singularity, which concerns
     all three. ``margin``: the quantity that is zero in the singularity. ``place``: the first point,
     in words. ``points``: indices of all such points among those that were asked for.
+
+    Example:
+        >>> issubclass(deltaopt.Singular, deltaopt.DeltaOptError)
+        True
     """
 
     def __init__(
@@ -147,7 +174,18 @@ class Singular(DeltaOptError):
 
 
 class Infeasible(DeltaOptError):
-    """No motion can exist, for instance because gravity exceeds a torque limit at the start."""
+    """No motion can exist, for instance because gravity exceeds a torque limit at the start.
+
+    Example:
+        >>> weak = deltaopt.load_scene("problems/pick_and_place.yaml").model_copy(
+        ...     update={"limits": deltaopt.Limits(torque=0.1)}
+        ... )
+        >>> try:
+        ...     deltaopt.plan(weak)
+        ... except deltaopt.Infeasible:
+        ...     print("gravity is more than the motors can hold")
+        gravity is more than the motors can hold
+    """
 
 
 class NotConverged(DeltaOptError):
@@ -155,6 +193,12 @@ class NotConverged(DeltaOptError):
 
     ``status``: the solver's. ``iterate``: where it stopped: the variables of the program or a
     trajectory.
+
+    Example:
+        >>> try:
+        ...     plan = deltaopt.plan(deltaopt.load_scene("problems/pick_and_place.yaml"))
+        ... except deltaopt.NotConverged as error:
+        ...     print(error.status)
     """
 
     def __init__(self, message: str, status: str, iterate: object) -> None:
@@ -204,7 +248,12 @@ class Inexpressible(DeltaOptError):
 
 
 class MissingPackage(DeltaOptError):
-    """An optional package is not installed."""
+    """An optional package is not installed.
+
+    Example:
+        >>> issubclass(deltaopt.MissingPackage, deltaopt.DeltaOptError)
+        True
+    """
 
 
 def installed(package: str, extra: str) -> Any:

@@ -114,7 +114,8 @@ def _meaning(key: Key) -> str:
 
 def _explained(record: type[Record]) -> str:
     """What the record's docstring says, for readers of files: a key that is None is absent."""
-    text = re.sub(r"\s*\bRaises [^.]*\.", "", str(getdoc(record))).replace("``", "`")
+    told, *_ = str(getdoc(record)).partition("\n\nExample:")
+    text = re.sub(r"\s*\bRaises [^.]*\.", "", told).replace("``", "`")
     text = re.sub(r"(?<=\.)(\s)None\b", r"\1Absent", text)
     return re.sub(r"\bNone\b", "absent", text).strip()
 

@@ -15,6 +15,7 @@ ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs/tutorial.md").read_text(encoding="utf-8")
 _BLOCK = re.compile(r"^```console\n\$ deltaopt (.*)\n((?:.*\n)*?)```$", re.M)
 BLOCKS = _BLOCK.findall(PAGE)
+_SCENE = re.compile(r"^```yaml\n# (problems/[\w/]+\.yaml)\n(.*?)```$", re.M | re.S)
 BY_JOB = ("approach", "bodies", "cycles", "limits", "moving", "paths", "report", "smooth")
 """Pages that show a scene and what planning it prints."""
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?")
@@ -69,7 +70,7 @@ def test_a_page_by_job_shows_its_scene_and_what_is_printed(page, tmp_path, capsy
     printed = capsys.readouterr().out
     for line in told.splitlines():
         assert said(line, printed), f"{line}\n{printed}"
-    for file, shown in re.findall(r"^```yaml\n# (problems/[\w/]+\.yaml)\n(.*?)```$", text, re.M | re.S):
+    for file, shown in _SCENE.findall(text):
         copy = tmp_path / "shown.yaml"
         copy.write_text(shown, encoding="utf-8")
         planned = {"objective": "time", **read_yaml(copy)}

@@ -13,7 +13,15 @@ WIDTH = 30
 
 @dataclass
 class ProgressBar:
-    """A progress bar: call it with the share that is done, 0 to 1, and a text."""
+    """A progress bar: call it with the share that is done, 0 to 1, and a text.
+
+    Example:
+        >>> planner = deltaopt.Planner(deltaopt.load_robot("problems/robots/orsino.yaml"))
+        >>> moves = [((0.45, -0.05, 0.0), (0.45, 0.10, 0.0))]
+        >>> counted = deltaopt.ProgressBar().counting(len(moves), "moves")
+        >>> len(planner.plan_many(moves, progress=counted))
+        1
+    """
 
     stream: TextIO = field(default_factory=lambda: sys.stderr)
     _shown: Any = field(default=None, init=False, repr=False)

@@ -39,7 +39,15 @@ _LARGEST = 100
 
 
 class UnreadablePlan(Unusable):
-    """A folder or file does not hold a plan as ``Plan.save`` writes it."""
+    """A folder or file does not hold a plan as ``Plan.save`` writes it.
+
+    Example:
+        >>> try:
+        ...     deltaopt.load_plan("problems")
+        ... except deltaopt.UnreadablePlan:
+        ...     print("there is no plan")
+        there is no plan
+    """
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +55,15 @@ class SavedPlan:
     """A plan that was read back: its scene and motion are the planned ones, to the last bit.
 
     ``record``: all that plan.json says, such as ``gap``, ``tolerance`` and ``verification``.
+
+    Example:
+        >>> from tempfile import TemporaryDirectory
+        >>> plan = deltaopt.plan(deltaopt.load_scene("problems/pick_and_place.yaml"))
+        >>> with TemporaryDirectory() as folder:
+        ...     files = plan.save(folder, chart=False)
+        ...     saved = deltaopt.load_plan(folder)
+        >>> saved.record["gap"] == plan.gap
+        True
     """
 
     scene: Scene
@@ -71,6 +88,15 @@ def load_plan(path: str | Path) -> SavedPlan:
     """Read a plan from the folder it was saved to, or from its plan.json.
 
     Raises UnreadablePlan, in one sentence, where there is none or it is not whole.
+
+    Example:
+        >>> from tempfile import TemporaryDirectory
+        >>> plan = deltaopt.plan(deltaopt.load_scene("problems/pick_and_place.yaml"))
+        >>> with TemporaryDirectory() as folder:
+        ...     files = plan.save(folder, chart=False)
+        ...     saved = deltaopt.load_plan(folder)
+        >>> saved.trajectory == plan.trajectory
+        True
     """
     file = Path(path)
     file = file / RECORD if file.is_dir() else file

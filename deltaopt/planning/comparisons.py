@@ -24,6 +24,11 @@ def timed_line(scene: Scene, tolerance: float = 1e-3) -> Plan:
 
     ``tolerance``: relative gap of its duration. Raises Unreachable, Singular or Infeasible where
     the line cannot be driven.
+
+    Example:
+        >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
+        >>> round(deltaopt.timed_line(scene).duration, 3)
+        0.144
     """
     given_points(scene.task)
     on_line = {"path": Line(), "tube": None, "objective": Time()}
@@ -76,6 +81,12 @@ def beside_free_path(found: Plan) -> Plan:
     It is planned now, to the same tolerance. The plan is returned as it is where its path is
     free already or in a tube, or where it begins or ends at a speed. Raises NotConverged where
     no motion on a free path is found.
+
+    Example:
+        >>> glue = deltaopt.plan(deltaopt.load_scene("problems/paths/glue_line.yaml"))
+        >>> beside = deltaopt.beside_free_path(glue)
+        >>> beside.free_duration < beside.duration
+        True
     """
     path = found.scene.path
     if path is None or path.speeds != (0.0, 0.0) or found.scene.tube is not None:

@@ -131,6 +131,13 @@ class Plan:
 
     A plan is equal to one of the same motion that was found in the same way, such as its pickled
     copy, and can be a key of a dictionary.
+
+    Example:
+        >>> plan = deltaopt.plan(deltaopt.load_scene("problems/pick_and_place.yaml"))
+        >>> plan.gap <= plan.tolerance, plan.lower_bound < plan.duration
+        (True, True)
+        >>> plan.trajectory([0.0, 0.05]).tau.shape
+        (2, 3)
     """
 
     scene: Scene

@@ -79,6 +79,12 @@ def plan(
 
     Raises Unreachable, Singular or Infeasible if start or goal rule a motion out, NotConverged if
     the solver finds none, and ValueError or TypeError for settings that make no sense.
+
+    Example:
+        >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
+        >>> plan = deltaopt.plan(scene)
+        >>> round(plan.duration, 3)
+        0.141
     """
     require_type("scene", scene, Scene, "a Scene, such as load_scene returns")
     planner = Planner(
@@ -106,6 +112,16 @@ class Planner:
     goal. The other settings are those of ``plan``.
 
     Raises ValueError or TypeError for settings that make no sense.
+
+    Example:
+        >>> robot = deltaopt.load_robot("problems/robots/orsino.yaml")
+        >>> planner = deltaopt.Planner(robot, payload=1.0)
+        >>> there = planner.plan((0.45, -0.05, 0.0), (0.45, 0.10, 0.0))
+        >>> round(there.duration, 3)
+        0.141
+        >>> back = planner.plan((0.45, 0.10, 0.0), (0.45, -0.05, 0.0), payload=0.5)
+        >>> back.duration < there.duration
+        True
     """
 
     robot: Machine

@@ -117,6 +117,15 @@ class DeltaModel(Model):
     ``formulation``: of the dynamics, eq. (39) by default. Arguments and results are arrays of N
     points, of shape (N, 3) for the platform and for the motors; a single point of shape (3,) gives
     a single result. Units: m, m/s, m/s², rad, N·m.
+
+    Example:
+        >>> robot = deltaopt.load_robot("problems/robots/orsino.yaml")
+        >>> model = deltaopt.DeltaModel(robot, payload=1.0)
+        >>> q = model.inverse_kinematics((0.45, 0.0, 0.0))  # all twelve coordinates
+        >>> model.forward_kinematics(q[3::3]).round(6).tolist()
+        [0.45, 0.0, 0.0]
+        >>> model.inverse_dynamics((0.45, 0.0, 0.0), (0, 0, 0), (0, 0, 0)).round(2).tolist()
+        [1.87, 1.87, 1.87]
     """
 
     robot: Robot

@@ -107,6 +107,19 @@ class Robot(Machine):
     base's frame. ``source``: where the numbers come from. ``joints``: the controller's zero and
     sign of each motor, and ranges of the joints. ``workspace``: where the tool's point may be.
     Raises SceneError for values that cannot be used.
+
+    Example:
+        >>> robot = deltaopt.Robot(
+        ...     name="my Delta",
+        ...     base_radius="225 mm",
+        ...     platform_radius="75 mm",
+        ...     upper_arm={"length": "315 mm", "mass": 1.2},
+        ...     forearm={"length": "825 mm", "mass": 0.5},
+        ...     platform={"mass": 0.8},
+        ...     drive={"torque": 65.0, "speed": "300 deg/s"},
+        ... )
+        >>> robot.upper_arm.length
+        0.315
     """
 
     name: Name = Field(description="the robot's name, a line of at most 200 printable characters")
@@ -231,6 +244,11 @@ def load_robot(path: str | Path) -> Robot:
     """Read a robot file.
 
     Raises SceneError, naming file and key, if it cannot be used.
+
+    Example:
+        >>> robot = deltaopt.load_robot("problems/robots/orsino.yaml")
+        >>> robot.forearm.length
+        0.5
     """
     file = Path(path)
     return Robot.from_content(read_yaml(file), file)

@@ -46,6 +46,12 @@ class Cycle(Record):
     of the mean square of each motor's torque in a period may be, N·m; by default what the motors
     are rated for, if the robot says so; "none" for no limit. Raises SceneError for values that
     cannot be used.
+
+    Example:
+        >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
+        >>> back = scene.model_copy(update={"start": scene.goal, "goal": scene.start})
+        >>> deltaopt.Cycle(legs=(scene, back), dwells=(0.05, 0.05)).parts
+        1
     """
 
     legs: tuple[Scene, ...] = Field(

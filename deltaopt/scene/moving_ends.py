@@ -23,6 +23,11 @@ class State(Record):
     limits of jerk or torque rate ``acceleration`` in m/s², which is continuous then.
 
     Raises SceneError for values that cannot be used.
+
+    Example:
+        >>> state = deltaopt.State(at=(0.85, -0.15, 0.0), velocity=(0.0, 0.0, 0.5))
+        >>> state.velocity
+        (0.0, 0.0, 0.5)
     """
 
     at: Point = Field(description=POINT)
@@ -43,6 +48,11 @@ class Belt(Record):
     """A goal that moves: the point ``at`` + ``belt`` t, t from the start of the motion, m and m/s.
 
     It is met at the belt's velocity. Raises SceneError for values that cannot be used.
+
+    Example:
+        >>> part = deltaopt.Belt(at=(0.85, 0.05, 0.10), belt=(0.0, 0.0, -0.5))
+        >>> part.belt
+        (0.0, 0.0, -0.5)
     """
 
     at: Point = Field(description=f"{POINT}: where the goal is when the motion starts")
@@ -57,7 +67,15 @@ class Belt(Record):
 
 
 class Anywhere(Record):
-    """The goal of the fastest stop: at rest, wherever that is."""
+    """The goal of the fastest stop: at rest, wherever that is.
+
+    Example:
+        >>> planner = deltaopt.Planner(deltaopt.load_robot("problems/robots/industrial.yaml"))
+        >>> moving = deltaopt.State(at=(0.85, 0.0, 0.0), velocity=(0.0, 3.0, 0.0))
+        >>> stop = planner.plan(moving, deltaopt.Anywhere())
+        >>> stop.duration < 0.1
+        True
+    """
 
     @property
     def end(self) -> Goal:

@@ -82,7 +82,12 @@ class _Weighted(Record):
 
 
 class Time(_Weighted):
-    """Minimise the duration T."""
+    """Minimise the duration T.
+
+    Example:
+        >>> deltaopt.load_scene("problems/pick_and_place.yaml").objective == deltaopt.Time()
+        True
+    """
 
     @property
     def weights(self) -> tuple[float, float]:
@@ -131,19 +136,34 @@ class _InTime(_Weighted):
 
 class Effort(_InTime):
     """Minimise the effort ∫ τᵀτ dt, N²m²s, over a given ``duration`` in s, or ``of_fastest``, a
-    share of the fastest motion's."""
+    share of the fastest motion's.
+
+    Example:
+        >>> deltaopt.Effort(duration="280 ms").duration
+        0.28
+    """
 
 
 class SmoothMotion(_InTime):
     """Minimise ∫ ‖d³x/dt³‖² dt of the platform, m²/s⁵, over a given ``duration`` in s, or
-    ``of_fastest``, a share of the fastest motion's."""
+    ``of_fastest``, a share of the fastest motion's.
+
+    Example:
+        >>> deltaopt.SmoothMotion(of_fastest="101 %").of_fastest
+        1.01
+    """
 
     rate = Running.JERK
 
 
 class SmoothTorque(_InTime):
     """Minimise ∫ ‖dτ/dt‖² dt, N²m²/s, over a given ``duration`` in s, or ``of_fastest``, a share of
-    the fastest motion's."""
+    the fastest motion's.
+
+    Example:
+        >>> deltaopt.SmoothTorque(of_fastest=1.01).of_fastest
+        1.01
+    """
 
     rate = Running.TORQUE_RATE
 
@@ -162,7 +182,12 @@ class _WithTime(_Weighted):
 
 
 class TimeAndEffort(_WithTime):
-    """Minimise ``time`` · T + ``effort`` · ∫ τᵀτ dt, in s; the weight ``effort`` is in 1/(N²m²)."""
+    """Minimise ``time`` · T + ``effort`` · ∫ τᵀτ dt, in s; the weight ``effort`` is in 1/(N²m²).
+
+    Example:
+        >>> deltaopt.TimeAndEffort(time=1.0, effort=1e-4).effort
+        0.0001
+    """
 
     effort: Annotated[Positive, EFFORT_WEIGHT] = Field(
         description="a weight of the effort in 1/(N²m²), greater than 0"
@@ -175,7 +200,12 @@ class TimeAndEffort(_WithTime):
 
 class TimeAndEfforts(_WithTime):
     """Minimise ``time`` · T + ∫ Σ wᵢ τᵢ² dt, in s, where the weight wᵢ of each motor, 1/(N²m²), is
-    one of ``effort``: at least 0, not all of them."""
+    one of ``effort``: at least 0, not all of them.
+
+    Example:
+        >>> deltaopt.TimeAndEfforts(time=1.0, effort=(1e-4, 2e-4, 0.0)).effort
+        (0.0001, 0.0002, 0.0)
+    """
 
     effort: tuple[Weight, Weight, Weight] = Field(
         description="a weight of the effort in 1/(N²m²), or one for each motor"
@@ -202,7 +232,12 @@ class TimeAndEfforts(_WithTime):
 
 
 class TimeAndJerk(_WithTime):
-    """Minimise ``time`` · T + ``jerk`` · ∫ ‖d³x/dt³‖² dt, in s; the weight ``jerk`` is in s⁶/m²."""
+    """Minimise ``time`` · T + ``jerk`` · ∫ ‖d³x/dt³‖² dt, in s; the weight ``jerk`` is in s⁶/m².
+
+    Example:
+        >>> deltaopt.TimeAndJerk(time=1.0, jerk=1e-9).jerk
+        1e-09
+    """
 
     jerk: Annotated[Positive, JERK_WEIGHT] = Field(
         description="a weight of the squared jerk in s⁶/m², greater than 0"
@@ -216,7 +251,12 @@ class TimeAndJerk(_WithTime):
 
 class TimeAndTorqueRate(_WithTime):
     """Minimise ``time`` · T + ``torque_rate`` · ∫ ‖dτ/dt‖² dt, in s; the weight ``torque_rate`` is
-    in s²/(N²m²)."""
+    in s²/(N²m²).
+
+    Example:
+        >>> deltaopt.TimeAndTorqueRate(time=1.0, torque_rate=1e-9).torque_rate
+        1e-09
+    """
 
     torque_rate: Annotated[Positive, TORQUE_RATE_WEIGHT] = Field(
         description="a weight of the squared torque rates in s²/(N²m²), greater than 0"

@@ -119,7 +119,14 @@ class GivenPath(Record):
 
 
 class Line(GivenPath):
-    """The straight line from start to goal."""
+    """The straight line from start to goal.
+
+    Example:
+        >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
+        >>> on_line = scene.model_copy(update={"path": deltaopt.Line()})
+        >>> round(deltaopt.plan(on_line).duration, 3)
+        0.144
+    """
 
     def between(self, start: Vector3, goal: Vector3) -> Path:
         return _through(np.array([start, goal]), [])
@@ -134,6 +141,11 @@ class Corners(GivenPath):
 
     ``blend``: the distance (m) before a corner where its rounding begins, the same behind it. Two
     roundings on a leg must not overlap. Without it only three points or more on a line make sense.
+
+    Example:
+        >>> path = deltaopt.Corners(points=[(0.42, 0.0, 0.05)], blend="20 mm")
+        >>> path.blend
+        0.02
     """
 
     points: _Points = Field(description=_POINTS, min_length=1)
@@ -149,7 +161,13 @@ class Corners(GivenPath):
 
 
 class PickAndPlace(GivenPath):
-    """Up by ``height`` (m) above the higher end, across, and down, corners rounded by ``blend``."""
+    """Up by ``height`` (m) above the higher end, across, and down, corners rounded by ``blend``.
+
+    Example:
+        >>> path = deltaopt.PickAndPlace(height="25 mm", blend="20 mm")
+        >>> path.height
+        0.025
+    """
 
     height: _Width = Field(description="a height in m above the higher end, greater than 0")
     blend: _Width = Field(description=_BLEND)
@@ -170,6 +188,17 @@ class Curve(GivenPath):
     ``x``, ``dx``, ``ddx``: p, dp/ds, d²p/ds² there, (N, 3) each; between them it is the quintic
     that has these values, so that the curve is C². ``Curve.of`` makes one from functions. A place
     where dp/ds = 0 must be among the parameters.
+
+    Example:
+        >>> import numpy as np
+        >>> curve = deltaopt.Curve(
+        ...     s=np.array([0.0, 0.1]),
+        ...     x=np.array([[0.45, 0.0, 0.0], [0.45, 0.1, 0.0]]),
+        ...     dx=np.array([[0.0, 1.0, 0.0]] * 2),
+        ...     ddx=np.zeros((2, 3)),
+        ... )
+        >>> len(curve.x)
+        2
     """
 
     s: tuple[Number, ...] = Field(description="increasing parameters, two or more", min_length=2)

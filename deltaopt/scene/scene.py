@@ -88,6 +88,14 @@ class Scene(Record):
     of the robot's drive. ``rotation``: of a fourth axis, which the motion takes no less time than.
     ``objective``: what is minimised, time by default. A key ``tool`` replaces the robot's tool as a
     whole: it is then that of ``robot``. Raises SceneError for values that cannot be used.
+
+    Example:
+        >>> robot = deltaopt.load_robot("problems/robots/orsino.yaml")
+        >>> scene = deltaopt.Scene(
+        ...     robot=robot, payload="500 g", start=(0.45, -0.05, 0.0), goal=(0.45, 0.10, 0.0)
+        ... )
+        >>> scene.payload
+        0.5
     """
 
     robot: AnyRobot = Field(description=ROBOT_FILE)

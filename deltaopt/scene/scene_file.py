@@ -24,6 +24,11 @@ def load_scene(path: str | Path) -> Scene:
     """Read a scene file and the robot file it names.
 
     Raises SceneError, naming file and key, if either cannot be used.
+
+    Example:
+        >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
+        >>> scene.start
+        (0.45, -0.05, 0.0)
     """
     file = Path(path)
     content = read_yaml(file)
@@ -40,6 +45,11 @@ def load_cycle(path: str | Path) -> Cycle:
     Its key ``cycle`` lists the legs: what stands there of a scene is for that leg, and what stands
     beside it for all of them; bodies of both are there. Raises SceneError, naming file and key, if
     either cannot be used.
+
+    Example:
+        >>> cycle = deltaopt.load_cycle("problems/cycles/there_and_back.yaml")
+        >>> len(cycle.legs), cycle.dwells
+        (2, (0.05, 0.05))
     """
     file = Path(path)
     content = _with_robot(file, read_yaml(file))

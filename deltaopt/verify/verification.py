@@ -81,6 +81,12 @@ class Verification:
         for its objective, see ``pontryagin``; None where that cannot be told, or the path is given.
     ``duty``: of the motors, their RMS torque, work, power and speed; None where not evaluated.
     ``obstacles``: what kept a measure from being evaluated, one sentence each.
+
+    Example:
+        >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
+        >>> report = deltaopt.verify(scene, deltaopt.plan(scene).trajectory)
+        >>> report.torque_excess < 1e-9, report.failures()
+        (True, [])
     """
 
     duration: float
@@ -264,6 +270,14 @@ def verify(scene: Scene, trajectory: Trajectory) -> Verification:
     """Measure a motion that is to solve a scene. Never raises for a bad motion.
 
     Raises TypeError if it is given something else than a scene and a trajectory, such as a plan.
+
+    Example:
+        >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
+        >>> deltaopt.verify(scene, deltaopt.plan(scene).trajectory).ok
+        True
+        >>> too_fast = deltaopt.baseline(scene).slowed(0.5)
+        >>> deltaopt.verify(scene, too_fast).ok
+        False
     """
     if not isinstance(scene, Scene):
         raise TypeError(f"scene is a {type(scene).__name__}; it must be a Scene")

@@ -47,6 +47,11 @@ def plan_cycle(
     ``tolerance``: relative gap to reach, at least 1e-9. ``progress``: is called with a line of text
     after every round. Raises what rules a leg out, and Infeasible where no speed keeps the
     motors cool or a period is too short.
+
+    Example:
+        >>> cycle = deltaopt.load_cycle("problems/cycles/there_and_back.yaml")
+        >>> round(deltaopt.plan_cycle(cycle).parts_per_minute)
+        159
     """
     require_type("cycle", cycle, Cycle, "a Cycle, such as load_cycle returns")
     require_positive("tolerance", tolerance, LEAST_TOLERANCE)

@@ -64,6 +64,11 @@ def baseline(scene: Scene) -> Trajectory:
     It takes the duration that the scene gives, if it gives one. Raises Unreachable where the line
     leaves the workspace, and Infeasible where gravity alone exceeds a torque limit on it or the
     given duration is too short; another path may exist all the same.
+
+    Example:
+        >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
+        >>> round(deltaopt.baseline(scene).duration, 4)
+        0.1966
     """
     require_type("scene", scene, Scene, "a Scene, such as load_scene returns")
     fastest = _fastest(scene, line(scene), "the straight line from start to goal")

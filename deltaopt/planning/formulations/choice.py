@@ -115,6 +115,10 @@ class Redundant(Collocated):
     ``formulation``: of the dynamics. With ``Multiplier`` it is eq. (37), with any other eq. (39),
     for virtual work and Kane's method lead to the same three equations as the explicit form.
     ``closure``: how drift of the loops is prevented.
+
+    Example:
+        >>> deltaopt.Redundant(deltaopt.multiplier).name
+        'multiplier, constraints at knots'
     """
 
     formulation: Multiplier | Projected

@@ -55,7 +55,12 @@ class LoopClosure(Protocol):
 
 @dataclass(frozen=True)
 class AccelerationLevel:
-    """Loop closure by J q̈ + J̇ q̇ = 0 at the nodes alone: the loops drift."""
+    """Loop closure by J q̈ + J̇ q̇ = 0 at the nodes alone: the loops drift.
+
+    Example:
+        >>> deltaopt.Redundant(deltaopt.explicit, deltaopt.AccelerationLevel()).name
+        'explicit, acceleration level'
+    """
 
     name: str = "acceleration level"
     drifts: bool = True
@@ -80,6 +85,10 @@ class Baumgarte(AccelerationLevel):
     ``frequency``: ω in radians per duration. A higher one reduces drift more, but must stay below
     about one radian per interval: this one does on meshes of 20 intervals and more. ``damping``:
     the damping ratio ζ.
+
+    Example:
+        >>> deltaopt.Redundant(deltaopt.explicit, deltaopt.Baumgarte(frequency=10.0)).name
+        'explicit, Baumgarte'
     """
 
     name: str = "Baumgarte"
@@ -92,7 +101,12 @@ class Baumgarte(AccelerationLevel):
 
 @dataclass(frozen=True)
 class KnotConstraints:
-    """Exact loop closure at every knot, where only the independent coordinates are continuous."""
+    """Exact loop closure at every knot, where only the independent coordinates are continuous.
+
+    Example:
+        >>> deltaopt.Redundant(deltaopt.explicit, deltaopt.KnotConstraints()).name
+        'explicit, constraints at knots'
+    """
 
     name: str = "constraints at knots"
     drifts: bool = False
@@ -122,6 +136,10 @@ class Projection:
     """Projection onto the constraints at every knot: the nearest state in the units of q.
 
     X after = X before + Jᵀ σ and V after = V before + Jᵀ ρ, with unknowns σ and ρ.
+
+    Example:
+        >>> deltaopt.Redundant(deltaopt.explicit, deltaopt.Projection()).name
+        'explicit, projection at knots'
     """
 
     name: str = "projection at knots"

@@ -30,6 +30,12 @@ class Ipopt:
     """Ipopt, the general interior-point solver that is widely used in trajectory optimisation.
 
     It solves every formulation, with or without a C compiler.
+
+    Example:
+        >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
+        >>> slower = deltaopt.plan(scene, solver=deltaopt.ipopt, tolerance=1e-2)
+        >>> round(slower.duration, 2)
+        0.14
     """
 
     name: str = "ipopt"
@@ -40,6 +46,11 @@ class InteriorPoint:
     """deltaopt's own interior-point method in compiled C, for the flat formulation.
 
     Ipopt takes over where there is no C compiler and where the method does not converge.
+
+    Example:
+        >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
+        >>> deltaopt.plan(scene, solver=deltaopt.interior_point).status
+        'Solve_Succeeded'
     """
 
     name: str = "interior-point"

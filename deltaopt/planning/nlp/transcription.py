@@ -32,6 +32,10 @@ class PiecewiseAcceleration:
 
     ``between``: points, fractions of the interval, where limits are imposed beside the nodes. More
     of them make a motion exceed its limits less between points, but every one has its own rows.
+
+    Example:
+        >>> deltaopt.PiecewiseAcceleration(degree=2).degree
+        2
     """
 
     degree: int = 1
