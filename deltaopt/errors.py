@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # the command line says what is wrong with its words before n
 class DeltaOptError(Exception):
     """The base class of all errors that deltaopt raises on purpose.
 
-    Example:
+    Examples:
         >>> try:
         ...     deltaopt.load_robot("nowhere.yaml")
         ... except deltaopt.DeltaOptError as error:
@@ -39,7 +39,7 @@ class SceneError(Unusable):
     such as "is missing"; by default that it is this value. ``place``: in the file, such as "line 3,
     column 10"; empty where that is not known.
 
-    Example:
+    Examples:
         >>> try:
         ...     deltaopt.Limits(platform_speed="3 kg")
         ... except deltaopt.SceneError as error:
@@ -105,7 +105,7 @@ class Unreachable(DeltaOptError):
     ``points``: indices of all such points among those that were asked for, the first of which the
     message names; empty where no array of points was.
 
-    Example:
+    Examples:
         >>> model = deltaopt.DeltaModel(deltaopt.load_robot("problems/robots/orsino.yaml"))
         >>> try:
         ...     model.inverse_kinematics([(0.45, 0.0, 0.0), (2.0, 0.0, 0.0)])
@@ -150,7 +150,7 @@ class Singular(DeltaOptError):
     all three. ``margin``: the quantity that is zero in the singularity. ``place``: the first point,
     in words. ``points``: indices of all such points among those that were asked for.
 
-    Example:
+    Examples:
         >>> issubclass(deltaopt.Singular, deltaopt.DeltaOptError)
         True
     """
@@ -176,7 +176,7 @@ class Singular(DeltaOptError):
 class Infeasible(DeltaOptError):
     """No motion can exist, for instance because gravity exceeds a torque limit at the start.
 
-    Example:
+    Examples:
         >>> weak = deltaopt.load_scene("problems/pick_and_place.yaml").model_copy(
         ...     update={"limits": deltaopt.Limits(torque=0.1)}
         ... )
@@ -194,7 +194,7 @@ class NotConverged(DeltaOptError):
     ``status``: the solver's. ``iterate``: where it stopped: the variables of the program or a
     trajectory.
 
-    Example:
+    Examples:
         >>> try:
         ...     plan = deltaopt.plan(deltaopt.load_scene("problems/pick_and_place.yaml"))
         ... except deltaopt.NotConverged as error:
@@ -250,7 +250,7 @@ class Inexpressible(DeltaOptError):
 class MissingPackage(DeltaOptError):
     """An optional package is not installed.
 
-    Example:
+    Examples:
         >>> issubclass(deltaopt.MissingPackage, deltaopt.DeltaOptError)
         True
     """

@@ -114,7 +114,7 @@ def _meaning(key: Key) -> str:
 
 def _explained(record: type[Record]) -> str:
     """What the record's docstring says, for readers of files: a key that is None is absent."""
-    told, *_ = str(getdoc(record)).partition("\n\nExample:")
+    told, *_ = str(getdoc(record)).partition("\n\nExamples:")
     text = re.sub(r"\s*\bRaises [^.]*\.", "", told).replace("``", "`")
     text = re.sub(r"(?<=\.)(\s)None\b", r"\1Absent", text)
     return re.sub(r"\bNone\b", "absent", text).strip()

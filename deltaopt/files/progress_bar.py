@@ -15,7 +15,7 @@ WIDTH = 30
 class ProgressBar:
     """A progress bar: call it with the share that is done, 0 to 1, and a text.
 
-    Example:
+    Examples:
         >>> planner = deltaopt.Planner(deltaopt.load_robot("problems/robots/orsino.yaml"))
         >>> moves = [((0.45, -0.05, 0.0), (0.45, 0.10, 0.0))]
         >>> counted = deltaopt.ProgressBar().counting(len(moves), "moves")

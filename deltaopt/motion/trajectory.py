@@ -68,7 +68,7 @@ class Trajectory:
     A trajectory is equal to one of the same numbers, to the last bit, such as its pickled copy, and
     can be a key of a dictionary: whether others describe the same motion is a question of accuracy.
 
-    Example:
+    Examples:
         >>> motion = deltaopt.plan(deltaopt.load_scene("problems/pick_and_place.yaml")).trajectory
         >>> motion([0.0, motion.duration]).x.round(3).tolist()
         [[0.45, -0.05, 0.0], [0.45, 0.1, 0.0]]

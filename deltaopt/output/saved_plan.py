@@ -41,7 +41,7 @@ _LARGEST = 100
 class UnreadablePlan(Unusable):
     """A folder or file does not hold a plan as ``Plan.save`` writes it.
 
-    Example:
+    Examples:
         >>> try:
         ...     deltaopt.load_plan("problems")
         ... except deltaopt.UnreadablePlan:
@@ -56,7 +56,7 @@ class SavedPlan:
 
     ``record``: all that plan.json says, such as ``gap``, ``tolerance`` and ``verification``.
 
-    Example:
+    Examples:
         >>> from tempfile import TemporaryDirectory
         >>> plan = deltaopt.plan(deltaopt.load_scene("problems/pick_and_place.yaml"))
         >>> with TemporaryDirectory() as folder:
@@ -89,7 +89,7 @@ def load_plan(path: str | Path) -> SavedPlan:
 
     Raises UnreadablePlan, in one sentence, where there is none or it is not whole.
 
-    Example:
+    Examples:
         >>> from tempfile import TemporaryDirectory
         >>> plan = deltaopt.plan(deltaopt.load_scene("problems/pick_and_place.yaml"))
         >>> with TemporaryDirectory() as folder:

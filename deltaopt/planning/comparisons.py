@@ -25,7 +25,7 @@ def timed_line(scene: Scene, tolerance: float = 1e-3) -> Plan:
     ``tolerance``: relative gap of its duration. Raises Unreachable, Singular or Infeasible where
     the line cannot be driven.
 
-    Example:
+    Examples:
         >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
         >>> round(deltaopt.timed_line(scene).duration, 3)
         0.144
@@ -82,7 +82,7 @@ def beside_free_path(found: Plan) -> Plan:
     free already or in a tube, or where it begins or ends at a speed. Raises NotConverged where
     no motion on a free path is found.
 
-    Example:
+    Examples:
         >>> glue = deltaopt.plan(deltaopt.load_scene("problems/paths/glue_line.yaml"))
         >>> beside = deltaopt.beside_free_path(glue)
         >>> beside.free_duration < beside.duration

@@ -132,7 +132,7 @@ class Plan:
     A plan is equal to one of the same motion that was found in the same way, such as its pickled
     copy, and can be a key of a dictionary.
 
-    Example:
+    Examples:
         >>> plan = deltaopt.plan(deltaopt.load_scene("problems/pick_and_place.yaml"))
         >>> plan.gap <= plan.tolerance, plan.lower_bound < plan.duration
         (True, True)

@@ -80,7 +80,7 @@ def plan(
     Raises Unreachable, Singular or Infeasible if start or goal rule a motion out, NotConverged if
     the solver finds none, and ValueError or TypeError for settings that make no sense.
 
-    Example:
+    Examples:
         >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
         >>> plan = deltaopt.plan(scene)
         >>> round(plan.duration, 3)
@@ -113,7 +113,7 @@ class Planner:
 
     Raises ValueError or TypeError for settings that make no sense.
 
-    Example:
+    Examples:
         >>> robot = deltaopt.load_robot("problems/robots/orsino.yaml")
         >>> planner = deltaopt.Planner(robot, payload=1.0)
         >>> there = planner.plan((0.45, -0.05, 0.0), (0.45, 0.10, 0.0))

@@ -118,7 +118,7 @@ class DeltaModel(Model):
     points, of shape (N, 3) for the platform and for the motors; a single point of shape (3,) gives
     a single result. Units: m, m/s, m/s², rad, N·m.
 
-    Example:
+    Examples:
         >>> robot = deltaopt.load_robot("problems/robots/orsino.yaml")
         >>> model = deltaopt.DeltaModel(robot, payload=1.0)
         >>> q = model.inverse_kinematics((0.45, 0.0, 0.0))  # all twelve coordinates

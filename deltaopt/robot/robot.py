@@ -108,7 +108,7 @@ class Robot(Machine):
     sign of each motor, and ranges of the joints. ``workspace``: where the tool's point may be.
     Raises SceneError for values that cannot be used.
 
-    Example:
+    Examples:
         >>> robot = deltaopt.Robot(
         ...     name="my Delta",
         ...     base_radius="225 mm",
@@ -245,7 +245,7 @@ def load_robot(path: str | Path) -> Robot:
 
     Raises SceneError, naming file and key, if it cannot be used.
 
-    Example:
+    Examples:
         >>> robot = deltaopt.load_robot("problems/robots/orsino.yaml")
         >>> robot.forearm.length
         0.5

@@ -47,7 +47,7 @@ class Cycle(Record):
     are rated for, if the robot says so; "none" for no limit. Raises SceneError for values that
     cannot be used.
 
-    Example:
+    Examples:
         >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
         >>> back = scene.model_copy(update={"start": scene.goal, "goal": scene.start})
         >>> deltaopt.Cycle(legs=(scene, back), dwells=(0.05, 0.05)).parts

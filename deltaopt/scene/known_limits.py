@@ -73,7 +73,7 @@ _Keys: Any = create_model("_Keys", __base__=Record, **_KEYS)
 class Limits(_Keys):  # type: ignore[misc]  # its fields are the keys of LIMITS
     """The limits of a scene by key; they may be tighter than those of the robot's drive.
 
-    Example:
+    Examples:
         >>> limits = deltaopt.Limits(acceleration=40.0, platform_speed="3 m/s")
         >>> limits.platform_speed
         3.0

@@ -24,7 +24,7 @@ class State(Record):
 
     Raises SceneError for values that cannot be used.
 
-    Example:
+    Examples:
         >>> state = deltaopt.State(at=(0.85, -0.15, 0.0), velocity=(0.0, 0.0, 0.5))
         >>> state.velocity
         (0.0, 0.0, 0.5)
@@ -49,7 +49,7 @@ class Belt(Record):
 
     It is met at the belt's velocity. Raises SceneError for values that cannot be used.
 
-    Example:
+    Examples:
         >>> part = deltaopt.Belt(at=(0.85, 0.05, 0.10), belt=(0.0, 0.0, -0.5))
         >>> part.belt
         (0.0, 0.0, -0.5)
@@ -69,7 +69,7 @@ class Belt(Record):
 class Anywhere(Record):
     """The goal of the fastest stop: at rest, wherever that is.
 
-    Example:
+    Examples:
         >>> planner = deltaopt.Planner(deltaopt.load_robot("problems/robots/industrial.yaml"))
         >>> moving = deltaopt.State(at=(0.85, 0.0, 0.0), velocity=(0.0, 3.0, 0.0))
         >>> stop = planner.plan(moving, deltaopt.Anywhere())

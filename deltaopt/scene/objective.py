@@ -84,7 +84,7 @@ class _Weighted(Record):
 class Time(_Weighted):
     """Minimise the duration T.
 
-    Example:
+    Examples:
         >>> deltaopt.load_scene("problems/pick_and_place.yaml").objective == deltaopt.Time()
         True
     """
@@ -138,7 +138,7 @@ class Effort(_InTime):
     """Minimise the effort ∫ τᵀτ dt, N²m²s, over a given ``duration`` in s, or ``of_fastest``, a
     share of the fastest motion's.
 
-    Example:
+    Examples:
         >>> deltaopt.Effort(duration="280 ms").duration
         0.28
     """
@@ -148,7 +148,7 @@ class SmoothMotion(_InTime):
     """Minimise ∫ ‖d³x/dt³‖² dt of the platform, m²/s⁵, over a given ``duration`` in s, or
     ``of_fastest``, a share of the fastest motion's.
 
-    Example:
+    Examples:
         >>> deltaopt.SmoothMotion(of_fastest="101 %").of_fastest
         1.01
     """
@@ -160,7 +160,7 @@ class SmoothTorque(_InTime):
     """Minimise ∫ ‖dτ/dt‖² dt, N²m²/s, over a given ``duration`` in s, or ``of_fastest``, a share of
     the fastest motion's.
 
-    Example:
+    Examples:
         >>> deltaopt.SmoothTorque(of_fastest=1.01).of_fastest
         1.01
     """
@@ -184,7 +184,7 @@ class _WithTime(_Weighted):
 class TimeAndEffort(_WithTime):
     """Minimise ``time`` · T + ``effort`` · ∫ τᵀτ dt, in s; the weight ``effort`` is in 1/(N²m²).
 
-    Example:
+    Examples:
         >>> deltaopt.TimeAndEffort(time=1.0, effort=1e-4).effort
         0.0001
     """
@@ -202,7 +202,7 @@ class TimeAndEfforts(_WithTime):
     """Minimise ``time`` · T + ∫ Σ wᵢ τᵢ² dt, in s, where the weight wᵢ of each motor, 1/(N²m²), is
     one of ``effort``: at least 0, not all of them.
 
-    Example:
+    Examples:
         >>> deltaopt.TimeAndEfforts(time=1.0, effort=(1e-4, 2e-4, 0.0)).effort
         (0.0001, 0.0002, 0.0)
     """
@@ -234,7 +234,7 @@ class TimeAndEfforts(_WithTime):
 class TimeAndJerk(_WithTime):
     """Minimise ``time`` · T + ``jerk`` · ∫ ‖d³x/dt³‖² dt, in s; the weight ``jerk`` is in s⁶/m².
 
-    Example:
+    Examples:
         >>> deltaopt.TimeAndJerk(time=1.0, jerk=1e-9).jerk
         1e-09
     """
@@ -253,7 +253,7 @@ class TimeAndTorqueRate(_WithTime):
     """Minimise ``time`` · T + ``torque_rate`` · ∫ ‖dτ/dt‖² dt, in s; the weight ``torque_rate`` is
     in s²/(N²m²).
 
-    Example:
+    Examples:
         >>> deltaopt.TimeAndTorqueRate(time=1.0, torque_rate=1e-9).torque_rate
         1e-09
     """

@@ -121,7 +121,7 @@ class GivenPath(Record):
 class Line(GivenPath):
     """The straight line from start to goal.
 
-    Example:
+    Examples:
         >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
         >>> on_line = scene.model_copy(update={"path": deltaopt.Line()})
         >>> round(deltaopt.plan(on_line).duration, 3)
@@ -142,7 +142,7 @@ class Corners(GivenPath):
     ``blend``: the distance (m) before a corner where its rounding begins, the same behind it. Two
     roundings on a leg must not overlap. Without it only three points or more on a line make sense.
 
-    Example:
+    Examples:
         >>> path = deltaopt.Corners(points=[(0.42, 0.0, 0.05)], blend="20 mm")
         >>> path.blend
         0.02
@@ -163,7 +163,7 @@ class Corners(GivenPath):
 class PickAndPlace(GivenPath):
     """Up by ``height`` (m) above the higher end, across, and down, corners rounded by ``blend``.
 
-    Example:
+    Examples:
         >>> path = deltaopt.PickAndPlace(height="25 mm", blend="20 mm")
         >>> path.height
         0.025
@@ -189,7 +189,7 @@ class Curve(GivenPath):
     that has these values, so that the curve is C². ``Curve.of`` makes one from functions. A place
     where dp/ds = 0 must be among the parameters.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> curve = deltaopt.Curve(
         ...     s=np.array([0.0, 0.1]),

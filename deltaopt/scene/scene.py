@@ -89,7 +89,7 @@ class Scene(Record):
     ``objective``: what is minimised, time by default. A key ``tool`` replaces the robot's tool as a
     whole: it is then that of ``robot``. Raises SceneError for values that cannot be used.
 
-    Example:
+    Examples:
         >>> robot = deltaopt.load_robot("problems/robots/orsino.yaml")
         >>> scene = deltaopt.Scene(
         ...     robot=robot, payload="500 g", start=(0.45, -0.05, 0.0), goal=(0.45, 0.10, 0.0)

@@ -25,7 +25,7 @@ def load_scene(path: str | Path) -> Scene:
 
     Raises SceneError, naming file and key, if either cannot be used.
 
-    Example:
+    Examples:
         >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
         >>> scene.start
         (0.45, -0.05, 0.0)
@@ -46,7 +46,7 @@ def load_cycle(path: str | Path) -> Cycle:
     beside it for all of them; bodies of both are there. Raises SceneError, naming file and key, if
     either cannot be used.
 
-    Example:
+    Examples:
         >>> cycle = deltaopt.load_cycle("problems/cycles/there_and_back.yaml")
         >>> len(cycle.legs), cycle.dwells
         (2, (0.05, 0.05))

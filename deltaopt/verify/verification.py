@@ -82,7 +82,7 @@ class Verification:
     ``duty``: of the motors, their RMS torque, work, power and speed; None where not evaluated.
     ``obstacles``: what kept a measure from being evaluated, one sentence each.
 
-    Example:
+    Examples:
         >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
         >>> report = deltaopt.verify(scene, deltaopt.plan(scene).trajectory)
         >>> report.torque_excess < 1e-9, report.failures()
@@ -271,7 +271,7 @@ def verify(scene: Scene, trajectory: Trajectory) -> Verification:
 
     Raises TypeError if it is given something else than a scene and a trajectory, such as a plan.
 
-    Example:
+    Examples:
         >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
         >>> deltaopt.verify(scene, deltaopt.plan(scene).trajectory).ok
         True

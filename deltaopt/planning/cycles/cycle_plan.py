@@ -28,7 +28,7 @@ class CyclePlan:
     one per cent more of it would make the period shorter by so many per cent. ``rounds``: how often
     all legs were planned.
 
-    Example:
+    Examples:
         >>> plan = deltaopt.plan_cycle(deltaopt.load_cycle("problems/cycles/there_and_back.yaml"))
         >>> [round(each, 2) for each in plan.phases]
         [0.16, 0.05, 0.12, 0.05]

@@ -48,7 +48,7 @@ def plan_cycle(
     after every round. Raises what rules a leg out, and Infeasible where no speed keeps the
     motors cool or a period is too short.
 
-    Example:
+    Examples:
         >>> cycle = deltaopt.load_cycle("problems/cycles/there_and_back.yaml")
         >>> round(deltaopt.plan_cycle(cycle).parts_per_minute)
         159

@@ -65,7 +65,7 @@ def baseline(scene: Scene) -> Trajectory:
     leaves the workspace, and Infeasible where gravity alone exceeds a torque limit on it or the
     given duration is too short; another path may exist all the same.
 
-    Example:
+    Examples:
         >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
         >>> round(deltaopt.baseline(scene).duration, 4)
         0.1966

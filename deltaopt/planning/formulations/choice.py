@@ -116,7 +116,7 @@ class Redundant(Collocated):
     for virtual work and Kane's method lead to the same three equations as the explicit form.
     ``closure``: how drift of the loops is prevented.
 
-    Example:
+    Examples:
         >>> deltaopt.Redundant(deltaopt.multiplier).name
         'multiplier, constraints at knots'
     """

@@ -57,7 +57,7 @@ class LoopClosure(Protocol):
 class AccelerationLevel:
     """Loop closure by J q̈ + J̇ q̇ = 0 at the nodes alone: the loops drift.
 
-    Example:
+    Examples:
         >>> deltaopt.Redundant(deltaopt.explicit, deltaopt.AccelerationLevel()).name
         'explicit, acceleration level'
     """
@@ -86,7 +86,7 @@ class Baumgarte(AccelerationLevel):
     about one radian per interval: this one does on meshes of 20 intervals and more. ``damping``:
     the damping ratio ζ.
 
-    Example:
+    Examples:
         >>> deltaopt.Redundant(deltaopt.explicit, deltaopt.Baumgarte(frequency=10.0)).name
         'explicit, Baumgarte'
     """
@@ -103,7 +103,7 @@ class Baumgarte(AccelerationLevel):
 class KnotConstraints:
     """Exact loop closure at every knot, where only the independent coordinates are continuous.
 
-    Example:
+    Examples:
         >>> deltaopt.Redundant(deltaopt.explicit, deltaopt.KnotConstraints()).name
         'explicit, constraints at knots'
     """
@@ -137,7 +137,7 @@ class Projection:
 
     X after = X before + Jᵀ σ and V after = V before + Jᵀ ρ, with unknowns σ and ρ.
 
-    Example:
+    Examples:
         >>> deltaopt.Redundant(deltaopt.explicit, deltaopt.Projection()).name
         'explicit, projection at knots'
     """

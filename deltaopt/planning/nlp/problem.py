@@ -31,7 +31,7 @@ class Ipopt:
 
     It solves every formulation, with or without a C compiler.
 
-    Example:
+    Examples:
         >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
         >>> slower = deltaopt.plan(scene, solver=deltaopt.ipopt, tolerance=1e-2)
         >>> round(slower.duration, 2)
@@ -47,7 +47,7 @@ class InteriorPoint:
 
     Ipopt takes over where there is no C compiler and where the method does not converge.
 
-    Example:
+    Examples:
         >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
         >>> deltaopt.plan(scene, solver=deltaopt.interior_point).status
         'Solve_Succeeded'

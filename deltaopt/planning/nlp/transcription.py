@@ -33,7 +33,7 @@ class PiecewiseAcceleration:
     ``between``: points, fractions of the interval, where limits are imposed beside the nodes. More
     of them make a motion exceed its limits less between points, but every one has its own rows.
 
-    Example:
+    Examples:
         >>> deltaopt.PiecewiseAcceleration(degree=2).degree
         2
     """
