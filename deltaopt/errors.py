@@ -27,7 +27,12 @@ class DeltaOptError(Exception):
 
 
 class Unusable(DeltaOptError):
-    """What was given, a file or an argument, cannot be used as it is."""
+    """What was given, a file or an argument, cannot be used as it is.
+
+    Examples:
+        >>> issubclass(deltaopt.SceneError, deltaopt.Unusable)
+        True
+    """
 
 
 class SceneError(Unusable):
@@ -210,11 +215,21 @@ class NotConverged(DeltaOptError):
 
 
 class EndMoves(DeltaOptError):
-    """What is for motions from rest at one point to rest at another was asked of another one."""
+    """What is for motions from rest at one point to rest at another was asked of another one.
+
+    Examples:
+        >>> issubclass(deltaopt.EndMoves, deltaopt.DeltaOptError)
+        True
+    """
 
 
 class DependentConstraints(DeltaOptError):
-    """Some constraints of a mechanism follow from others, so that multipliers are not unique."""
+    """Some constraints of a mechanism follow from others, so that multipliers are not unique.
+
+    Examples:
+        >>> issubclass(deltaopt.DependentConstraints, deltaopt.DeltaOptError)
+        True
+    """
 
 
 RULED_OUT = (Unreachable, Singular, Infeasible)
@@ -244,7 +259,12 @@ def if_possible(
 
 
 class Inexpressible(DeltaOptError):
-    """A robot has something that another program's format, or a study, has no word for."""
+    """A robot has something that another program's format, or a study, has no word for.
+
+    Examples:
+        >>> issubclass(deltaopt.Inexpressible, deltaopt.DeltaOptError)
+        True
+    """
 
 
 class MissingPackage(DeltaOptError):

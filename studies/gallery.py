@@ -37,7 +37,7 @@ SCENES: Mapping[str, Path] = {
 }
 """Scenes by the name of their picture."""
 SMALL = {"only": ("platform_speed",)}
-_WIDTH, _COLOURS = 1080, 64
+_WIDTH, _COLOURS = 1080, 128
 """Pixels, and colours, of a picture: some 100 kB."""
 
 
@@ -68,6 +68,7 @@ def _make_small(source: Path, file: Path) -> None:
     with Image.open(source) as picture:
         height = round(picture.height * _WIDTH / picture.width)
         smaller = picture.convert("RGB").resize((_WIDTH, height), Image.Resampling.LANCZOS)
-    few = smaller.quantize(_COLOURS, dither=Image.Dither.NONE)
+    method = Image.Quantize.MAXCOVERAGE  # thin lines keep their colours
+    few = smaller.quantize(_COLOURS, method, dither=Image.Dither.NONE)
     with atomic_write(file) as temporary:
         few.save(temporary, format="PNG", optimize=True)

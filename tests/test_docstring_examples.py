@@ -14,6 +14,7 @@ NAMES = [
     name
     for name in deltaopt.__all__
     if inspect.isclass(getattr(deltaopt, name)) or inspect.isfunction(getattr(deltaopt, name))
+    if name != "Verification"  # which is shown by that of ``verify``
 ]
 
 

@@ -35,6 +35,11 @@ class Motion:
     m/s². ``theta``, ``dtheta``, ``ddtheta``: angles, speeds and accelerations of the motors, rad,
     rad/s, rad/s². ``tau``: motor torques, N·m. ``under_way``: the trajectory that these are
     instants of. Only itself is equal to it.
+
+    Examples:
+        >>> motion = deltaopt.plan(deltaopt.load_scene("problems/pick_and_place.yaml")).trajectory
+        >>> motion(0.05).tau.shape, motion([0.0, 0.05]).tau.shape
+        ((3,), (2, 3))
     """
 
     t: Array

@@ -26,7 +26,12 @@ FromTo: Any = create_model("FromTo", __base__=Record, **_ENDS)
 
 
 class Sphere(Record):
-    """A sphere: its ``centre`` and ``radius``, m."""
+    """A sphere: its ``centre`` and ``radius``, m.
+
+    Examples:
+        >>> deltaopt.Sphere(centre=(0.45, 0.02, 0.0), radius="30 mm").radius
+        0.03
+    """
 
     centre: Point = Field(description=POINT)
     radius: Annotated[Positive, LENGTH] = Field(description=RADIUS)
@@ -34,7 +39,13 @@ class Sphere(Record):
 
 class Box(FromTo):  # type: ignore[misc]  # made by pydantic
     """A box along the axes of the base's frame between the opposite corners ``from`` and ``to``,
-    m."""
+    m.
+
+    Examples:
+        >>> corners = {"from": (0.95, -0.1, -1.0), "to": (2.0, 0.1, 1.0)}
+        >>> deltaopt.Body(box=deltaopt.Box(**corners)).box.to
+        (2.0, 0.1, 1.0)
+    """
 
     @model_validator(mode="after")
     def _has_sides(self) -> Self:
@@ -129,6 +140,10 @@ class Tool(Record):
     ``offset``: from the platform's centre to the tool's point, m; start and goal are then places
     of the tool's point. ``mass``: in kg. ``radius``: of a sphere about the tool's point that keeps
     clear of bodies, m; or ``shapes`` about that point. With neither the point alone keeps clear.
+
+    Examples:
+        >>> deltaopt.Tool(offset=("120 mm", 0, 0), mass="250 g", radius="30 mm").mass
+        0.25
     """
 
     offset: Point | None = Field(default=None, description=POINT)

@@ -49,12 +49,23 @@ _PARALLEL = 1e-12
 
 
 class Cylinder(Along):
-    """A cylinder with flat ends: its axis from ``from`` to ``to`` and its ``radius``, m."""
+    """A cylinder with flat ends: its axis from ``from`` to ``to`` and its ``radius``, m.
+
+    Examples:
+        >>> pillar = {"from": (0.95, 0, 0), "to": (1.2, 0, 0), "radius": "50 mm"}
+        >>> deltaopt.Cylinder(**pillar).radius
+        0.05
+    """
 
 
 class HalfSpace(Record):
     """All that lies beyond a plane: ``point`` (m) is in the plane, ``normal`` points out of
-    bounds."""
+    bounds.
+
+    Examples:
+        >>> deltaopt.HalfSpace(point=(0.9, 0.0, 0.0), normal=(1.0, 0.0, 0.0)).point
+        (0.9, 0.0, 0.0)
+    """
 
     point: Point = Field(description=POINT)
     normal: Annotated[tuple[Number, Number, Number], RATIO] = Field(
@@ -74,7 +85,13 @@ class HalfSpace(Record):
 
 
 class Hull(Record):
-    """The convex hull of ``points``, m."""
+    """The convex hull of ``points``, m.
+
+    Examples:
+        >>> corners = [(0.9, 0, 0), (1.1, 0.1, 0), (1.1, -0.1, 0), (1.1, 0, 0.1)]
+        >>> len(deltaopt.Hull(points=corners).points)
+        4
+    """
 
     points: tuple[Point, ...] = Field(description=f"four points or more, each {POINT}")
 
@@ -93,7 +110,13 @@ class Hull(Record):
 
 
 class Body(OneOf):
-    """One keep-out body."""
+    """One keep-out body.
+
+    Examples:
+        >>> wall = deltaopt.Body(half_space={"point": (0.9, 0.0, 0.0), "normal": (1.0, 0.0, 0.0)})
+        >>> wall.half_space.normal
+        (1.0, 0.0, 0.0)
+    """
 
     box: Box | None = Field(default=None, description="a mapping with from, to")
     sphere: Sphere | None = Field(default=None, description="a mapping with centre, radius")

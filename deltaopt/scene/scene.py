@@ -78,24 +78,16 @@ ROBOT_FILE = "the path of a robot file, relative to the scene file (in Python to
 
 
 class Scene(Record):
-    """A motion to plan: the tool's point from rest at ``start`` to rest at ``goal``.
+    """A motion to plan: the tool's point from rest at ``start`` to rest at ``goal``, in m, x down.
 
-    The tool's point is the platform's centre if the robot has no tool with an offset. ``start``,
-    ``goal``: three coordinates each in m, x down from the base's centre. An end that moves is a
-    `State`, or a `Belt` as the goal; `Anywhere` as the goal is the fastest stop. ``payload``: mass
-    m₂ in kg at the platform, None for no payload; or the least and the largest, for all of which
-    limits hold: then it is the largest, and ``least_payload`` the least. ``limits``: beside those
-    of the robot's drive. ``rotation``: of a fourth axis, which the motion takes no less time than.
-    ``objective``: what is minimised, time by default. A key ``tool`` replaces the robot's tool as a
-    whole: it is then that of ``robot``. Raises SceneError for values that cannot be used.
+    An end that moves is a `State` or, of goals, a `Belt`; `Anywhere` is the fastest stop.
+    ``payload``: m₂ in kg; of a range, in all of which limits hold, the largest, ``least_payload``
+    the least. ``limits``: beside the drive's. ``rotation``: of a fourth axis, a least duration. A
+    key ``tool`` replaces that of ``robot``. Raises SceneError for values that cannot be used.
 
     Examples:
-        >>> robot = deltaopt.load_robot("problems/robots/orsino.yaml")
-        >>> scene = deltaopt.Scene(
-        ...     robot=robot, payload="500 g", start=(0.45, -0.05, 0.0), goal=(0.45, 0.10, 0.0)
-        ... )
-        >>> scene.payload
-        0.5
+        >>> deltaopt.load_scene("problems/pick_and_place.yaml").payload
+        1.0
     """
 
     robot: AnyRobot = Field(description=ROBOT_FILE)

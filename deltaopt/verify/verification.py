@@ -40,14 +40,12 @@ from deltaopt.verify.well_formed import malformed
 
 @dataclass(frozen=True)
 class Verification:
-    """The measures of a motion. Infinite: could not be evaluated, or there is no such value.
+    """The measures of a motion, by ``verify``. Infinite: not evaluated, or there is no such value.
 
     ``way``: m, from the scene's start to its goal; where these move, how far the motion goes.
-    ``arm``: m, length of the upper arm.
-    ``time_unit``: s, ``Units.time``.
+    ``arm``: m, length of the upper arm. ``time_unit``: s. ``effort``: ∫ τᵀτ dt, N²m²s.
     ``duration``, ``safe_duration``: s; the latter is the shortest to which the motion can be
         slowed so that it keeps its limits; None where an end moves, which slowing would change.
-    ``effort``: ∫ τᵀτ dt, N²m²s.
     ``duration_error``: s, from the scene's duration; None where it gives none.
     ``robot_clearance``: m, of arms and forearms from keep-out bodies, by samples; None without
         bodies. ``robot_overlap``: by how much they come nearer than the scene's clearance at any
@@ -58,13 +56,10 @@ class Verification:
     ``promised``: names of all measures that the scene asks for. None of them may be missing.
     ``distances``: the least to every kind of singularity; empty where not evaluated.
     ``start_distance``, ``goal_distance``: m, from the scene's points to the motion's ends.
-    ``path_distance``: m, of the motion from the scene's path, followed from its beginning to its
-        end; None where it gives none.
-    ``via_distance``: m, the largest from a via point or the sphere that the scene gives about it,
-        passed in the scene's order; None without.
+    ``path_distance``: m, from the scene's path, followed in order; None where it gives none.
+    ``via_distance``: m, the largest from a via point or its sphere, in their order; None without.
     ``approach_distance``: m, the largest outside the scene's approach; None where it gives none.
-    ``start_speed``, ``goal_speed``: m/s, by how much the platform's velocity at the motion's ends
-        differs from the scene's, which is zero unless an end moves.
+    ``start_speed``, ``goal_speed``: m/s, by how much the velocity at an end is not the scene's.
     ``position_jump``, ``velocity_jump``: m and m/s, those at all knots added up.
     ``start_acceleration``, ``goal_acceleration``, ``jump_of_acceleration``: m/s², likewise of the
         acceleration, where limits of jerk or torque rate make it continuous; None elsewhere.
@@ -273,11 +268,8 @@ def verify(scene: Scene, trajectory: Trajectory) -> Verification:
 
     Examples:
         >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
-        >>> deltaopt.verify(scene, deltaopt.plan(scene).trajectory).ok
-        True
-        >>> too_fast = deltaopt.baseline(scene).slowed(0.5)
-        >>> deltaopt.verify(scene, too_fast).ok
-        False
+        >>> deltaopt.verify(scene, deltaopt.plan(scene).trajectory).failures()
+        []
     """
     if not isinstance(scene, Scene):
         raise TypeError(f"scene is a {type(scene).__name__}; it must be a Scene")

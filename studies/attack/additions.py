@@ -1,4 +1,4 @@
-"""Kinds of attempts: limits and terms of one's own, added as docs/limits.md says."""
+"""Kinds of attempts: limits and terms of one's own, added as docs/dev/limits.md says."""
 
 from __future__ import annotations
 
