@@ -1,20 +1,14 @@
-"""The pictures of docs/gallery.md and of the pages by job: what `deltaopt plan` draws, made small.
-
-Each shipped scene is planned by the command itself; its picture is drawn for print and would be
-four times as large as pages need.
-"""
+"""The pictures of docs/gallery.md and of the pages by job: what `deltaopt plan` draws."""
 
 from __future__ import annotations
 
 import argparse
+import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from PIL import Image
-
 from deltaopt.cli import main
-from deltaopt.files.atomic_write import atomic_write
 from studies.problems import PROBLEMS, add_directory
 
 HELP = "draw the gallery: the pictures of a dozen shipped scenes"
@@ -37,8 +31,6 @@ SCENES: Mapping[str, Path] = {
 }
 """Scenes by the name of their picture."""
 SMALL = {"only": ("platform_speed",)}
-_WIDTH, _COLOURS = 1080, 128
-"""Pixels, and colours, of a picture: some 100 kB."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,17 +50,6 @@ def run(arguments: argparse.Namespace) -> int:
                 return code
             drawn = sorted(Path(folder).glob("*.png"))
             file = arguments.directory / f"gallery_{name}.png"
-            _make_small(drawn[0], file)
+            shutil.copy(drawn[0], file)
         print(f"written: {file}, {file.stat().st_size / 1e3:.0f} kB")
     return 0
-
-
-def _make_small(source: Path, file: Path) -> None:
-    """Write a picture with fewer pixels and colours."""
-    with Image.open(source) as picture:
-        height = round(picture.height * _WIDTH / picture.width)
-        smaller = picture.convert("RGB").resize((_WIDTH, height), Image.Resampling.LANCZOS)
-    method = Image.Quantize.MAXCOVERAGE  # thin lines keep their colours
-    few = smaller.quantize(_COLOURS, method, dither=Image.Dither.NONE)
-    with atomic_write(file) as temporary:
-        few.save(temporary, format="PNG", optimize=True)

@@ -230,7 +230,4 @@ def draw(found: Sequence[Row], file: Path) -> None:
 def title(found: Sequence[Row]) -> str:
     """The message: how many more parts a minute."""
     more = [100 * (row.planned / row.timed - 1) for row in found]
-    return (
-        f"{min(more):.0f} to {max(more):.0f} % more parts a minute than the lowest rounded path, "
-        "timed optimally"
-    )
+    return f"{min(more):.0f} to {max(more):.0f} % more parts a minute than the timed rounded path"

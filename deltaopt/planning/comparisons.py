@@ -63,17 +63,15 @@ def straight_lines(scene: Scene) -> dict[str, float]:
     timed: dict[str, Callable[[Scene], float]] = {}
     over = rounded_path_over(scene)
     if scene.tube is not None:
-        timed["the tube's middle,\ntimed optimally"] = lambda scene: (
-            plan(scene.on_its_path).duration
-        )
+        timed["tube's middle,\ntimed optimally"] = lambda scene: plan(scene.on_its_path).duration
     elif over is not None:
         on_path = {"path": over}
-        timed["the rounded path,\ntimed optimally"] = lambda scene: (
+        timed["rounded path,\ntimed optimally"] = lambda scene: (
             plan(scene.model_copy(update=on_path)).duration
         )
     elif not scene.robot_keeps_clear:
-        timed["the line, by a quintic law"] = lambda scene: baseline(scene).duration
-        timed["the line, timed optimally"] = lambda scene: timed_line(scene).duration
+        timed["line, by a quintic law"] = lambda scene: baseline(scene).duration
+        timed["line, timed optimally"] = lambda scene: timed_line(scene).duration
     jumps = ("optimally",) if scene.has_rates else ()
     found = {
         name: if_possible(NO_PLAN, duration, scene)

@@ -38,7 +38,7 @@ def draw_motion(file: Path, trajectory: Trajectory) -> None:
             without_box(panel)
         page.align_ylabels(panels)
         panels[-1].set_xlabel(r"time $t$ (s)")
-        page.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+        page.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
 
 
 def draw_torques(file: Path, trajectory: Trajectory) -> None:
@@ -56,4 +56,4 @@ def draw_torques(file: Path, trajectory: Trajectory) -> None:
             axes.plot(motion.t, holding[:, k], ":", color=colour, linewidth=0.9, label=label)
         axes.set_xlabel(r"time $t$ (s)")
         axes.set_ylabel(r"torque $\tau_k$ (N·m)")
-        page.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=2)
+        page.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2)

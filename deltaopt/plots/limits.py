@@ -7,6 +7,7 @@ motor and how constant the Hamiltonian is.
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,8 @@ _TICKS = 10
 """Parts of equal time that dots divide the path into."""
 _LIMIT = "limit"
 """Label of the bounds in the legend."""
+_LINE = 115
+"""Letters of a line of the caption."""
 _SAMPLES = 2000
 """Samples of each curve over all intervals, about the pixels of a panel's width."""
 
@@ -49,12 +52,12 @@ def draw_limits(file: Path, facts: Facts) -> None:
     panels = max(2, len(curves))
     rows = panels + (costates is not None)
     with figure(file, 7.0, 2.05 * rows + 0.15 * len(told.splitlines())) as page:
-        page.suptitle(facts.active[0].sentence if facts.active else "no limit is reached")
         grid = page.add_gridspec(rows, 2, width_ratios=[1.7, 1])
         left = [page.add_subplot(grid[0, 0])]
         left += [page.add_subplot(grid[i, 0], sharex=left[0]) for i in range(1, panels)]
         for axes, each in zip(left, curves, strict=False):
             _limit(axes, motion.t, each)
+        left[0].set_title(facts.active[0].sentence if facts.active else "no limit is reached")
         if len(curves) < panels:  # there is room to show how fast the motors turn
             left[-1].set_ylabel(r"motor speed $\dot\theta_k$ (rad/s)")
             motor_curves(left[-1], motion.t, motion.dtheta)
@@ -101,7 +104,7 @@ def caption(verification: Verification) -> str:
     if verification.distances:
         least = "; ".join(f"{each.name} {each.least:.2g}" for each in verification.distances)
         lines.append(f"least distance to singularities: {least}")
-    return "\n".join(lines)
+    return "\n".join(fill(line, _LINE) for line in lines)
 
 
 def plot_limit(scene: Scene, trajectory: Trajectory, limit: str, axes: Axes | None) -> Axes:

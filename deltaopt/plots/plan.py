@@ -14,8 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.patheffects import Normal, Stroke
 
 from deltaopt.curves.piecewise import Array
+from deltaopt.motion.active_limits import AT_LIMIT
 from deltaopt.motion.limit_curves import limit_curves
-from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.motion.trajectory import Trajectory, ends_of
 from deltaopt.output.facts import assumption, title
 from deltaopt.plots.colours import BLACK, COLOURS, GREY, LIGHT_GREY
@@ -33,7 +33,7 @@ from deltaopt.plots.surroundings import Place, draw_bodies_near, draw_surroundin
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.robot import as_delta
 from deltaopt.scene.scene import Scene
-from deltaopt.verify.clearance import link_distances
+from deltaopt.verify.clearance import distance_from, link_distances
 from deltaopt.verify.duty import Duty
 
 _INSTANTS = 5
@@ -45,8 +45,6 @@ _SAMPLES = 1000
 _TORQUE = "torque"
 _LINE = 130
 """Letters of a line of the caption."""
-_AT_LIMIT = 0.999
-"""Share of its limit from which a torque is at it."""
 _ROOM = 0.2
 """Share of the width of what is drawn over time that the names of its lines take."""
 
@@ -183,7 +181,7 @@ def _torques(axes: Axes, scene: Scene, trajectory: Trajectory, duty: Duty | None
     motor_curves(axes, t, percent)
     if duty is not None:
         _name_rms(axes, duty, curves.upper)
-    at_limit = np.abs(percent).max(axis=1) >= 100 * _AT_LIMIT
+    at_limit = np.abs(percent).max(axis=1) >= 100 * AT_LIMIT
     share = np.sum(np.diff(t)[at_limit[1:] & at_limit[:-1]]) / t[-1]
     axes.set_title(f"torques: one is at its limit {100 * share:.0f} % of the time")
     axes.set_ylim(-105, 105)
@@ -230,11 +228,11 @@ class _Nearest(NamedTuple):
 
 def _distances(scene: Scene, trajectory: Trajectory, t: Array) -> dict[str, Array]:
     """Distances from each body, (N, bodies), mm, at instants t, (N,), s, of what keeps clear."""
-    motion, bodies = trajectory(t), len(scene.keep_out or ())
-    rows, _ = signed_distances(problem_of(scene), motion.x)
-    of_tool = np.full((len(t), bodies), np.inf)
-    for row, (body, _) in zip(rows.T, scene.obstacles, strict=True):
-        of_tool[:, body] = np.minimum(of_tool[:, body], 1e3 * row)
+    motion = trajectory(t)
+    of_tool = np.full((len(t), len(scene.keep_out or ())), np.inf)
+    for body, grown in scene.obstacles:
+        distances, _ = distance_from(grown, motion.x)
+        of_tool[:, body] = np.minimum(of_tool[:, body], 1e3 * distances)
     if not scene.robot_keeps_clear:
         return {"the tool": of_tool}
     links = 1e3 * link_distances(scene, motion.x, motion.theta)
@@ -283,4 +281,4 @@ def _bars(axes: Axes, durations: Mapping[str, float]) -> None:
     change = 100 * (values[-1] / min(values[:-1]) - 1)
     how = "less" if change < 0 else "more"
     best = min(names[:-1], key=lambda name: durations[name]).partition(",")[0]
-    axes.set_title(f"{abs(change):.0f} % {how} time than {best}")
+    axes.set_title(f"{abs(change):.0f} % {how} time than the {best}")

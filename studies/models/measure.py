@@ -23,7 +23,7 @@ from deltaopt.dynamics.mechanism import Mechanism
 from deltaopt.mechanisms.delta.mechanism import delta
 from studies.models import singularities as s
 from studies.models.families import delta_families
-from studies.text_table import csv, paragraph, table
+from studies.text_table import paragraph, table
 
 FAMILIES = {
     "stretched": "arm and bars in line",
@@ -189,13 +189,26 @@ def verdict(found: Models) -> str:
     return paragraph(*told)
 
 
-def csv_of(found: Models) -> str:
-    """Return errors, one line per family, task, model and distance."""
-    return csv(
-        "family,task,model,distance,error",
-        (
-            (family, task, name, f"{e:g}", repr(float(x)))
-            for (family, task, name), errors in found.errors.items()
-            for e, x in zip(found.distances, errors, strict=True)
-        ),
-    )
+@dataclass(frozen=True)
+class Error:
+    """Relative error of a model near a singularity; of ``ROUNDING`` what rounding the state alone
+    makes, whatever the model."""
+
+    family: str
+    task: str
+    model: str
+    distance: float
+    error: float
+
+
+ROUNDING = "rounding of the state"
+
+
+def errors_of(found: Models) -> list[Error]:
+    """Every error, and what rounding makes."""
+    floors = {(*key, ROUNDING): errors for key, errors in found.floors.items()}
+    return [
+        Error(*key, float(distance), float(error))
+        for key, errors in {**found.errors, **floors}.items()
+        for distance, error in zip(found.distances, errors, strict=True)
+    ]

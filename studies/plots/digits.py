@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import floor, isfinite, log10
+from math import log10
 from pathlib import Path
 
 from deltaopt.plots.style import figure
-from studies.models.measure import FAMILIES, ROUNDING, TASKS, Error
+from studies.models.measure import FAMILIES, ROUNDING, TASKS, Error, digits_of
 from studies.plots.cells import BAD, GOOD, NONE, POOR, Cell, draw_cells
 
 NEAR = 1e-6
 """Distance from the singularity at which digits are counted, or the next one that was measured."""
-ALL = 16
-"""Digits of a number: more are none."""
 TRUSTED, LEAST = 9, 3
 """Digits from which a model is trusted, and below which it fails; what rounding of the state takes
 is no fault of a model."""
@@ -21,7 +19,7 @@ is no fault of a model."""
 
 def draw(errors: Sequence[Error], file: Path) -> None:
     """Draw a table for torques and one for accelerations."""
-    models, found = list(dict.fromkeys(e.model for e in errors)), digits_of(errors)
+    models, found = list(dict.fromkeys(e.model for e in errors)), digits_left(errors)
     with figure(file, 7.2, 2.6, title(errors)) as page:
         for axes, (task, what) in zip(page.subplots(1, 2, sharey=True), TASKS.items(), strict=True):
             names = [what.replace(" ", "\n", 1) for what in FAMILIES.values()]
@@ -31,16 +29,10 @@ def draw(errors: Sequence[Error], file: Path) -> None:
             axes.set_title(f"{what}: digits left a millionth before")
 
 
-def digits_of(errors: Sequence[Error]) -> dict[tuple[str, str, str], int]:
+def digits_left(errors: Sequence[Error]) -> dict[tuple[str, str, str], int]:
     """Digits that are left, by singularity, task and model; none without a result."""
     near = min({e.distance for e in errors}, key=lambda distance: abs(log10(distance / NEAR)))
-    return {(e.family, e.task, e.model): _digits(e.error) for e in errors if e.distance == near}
-
-
-def _digits(error: float) -> int:
-    if not isfinite(error):
-        return 0
-    return max(0, min(ALL, floor(-log10(error)))) if error else ALL
+    return {(e.family, e.task, e.model): digits_of(e.error) for e in errors if e.distance == near}
 
 
 def fails(found: dict[tuple[str, str, str], int], family: str, task: str, model: str) -> bool:
@@ -50,7 +42,7 @@ def fails(found: dict[tuple[str, str, str], int], family: str, task: str, model:
 
 def title(errors: Sequence[Error]) -> str:
     """The message: how many models fail somewhere, and which keep what they can everywhere."""
-    found = digits_of(errors)
+    found = digits_left(errors)
     models = [m for m in dict.fromkeys(e.model for e in errors) if m != ROUNDING]
     colours = {m: {_cell(found, f, t, m).colour for f in FAMILIES for t in TASKS} for m in models}
     failed = sum(BAD in of for of in colours.values())

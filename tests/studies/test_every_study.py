@@ -16,7 +16,7 @@ SAYS = {
     "conventions": "conventions.png",
     "cycle": "| industrial | line across |",
     "damage": "3 of 3 damages beyond a bound are found",
-    "frontier": "Within 0.01: the default takes",
+    "frontier": "On free moves within 0.01 by Ipopt flat",
     "frozen": "cases agree to 1e-09",
     "gallery": "gallery_platform_speed.png",
     "gap": "0 refused or not converged, 0 without a truth",
@@ -37,6 +37,7 @@ SAYS = {
     "reference": "|`drive.motor.peak_torque`|a torque in N·m, greater than 0|required|",
     "sanitize": "0 findings",
     "tables": "| pick_and_place | quintic |",
+    "terms": "3 of 3 terms change a plan",
     "theory": "intervals: gap told",
     "tutorial": "cubic, rows each ms: asks for 1.50 of a limit",
 }
