@@ -64,9 +64,8 @@ class Attempt:
     ``torque_share``: the part of torque limits that meshes may use, so that what is exceeded
     between their points stays below the whole. ``is_near``: whether the first motion is the best
     one on another mesh. ``on_its_mesh``: whether the first mesh has the knots of the motion, in
-    place of as many equal intervals as are given. ``may_be_softer``: whether the first meshes may
-    have softer friction. ``most``: the duration of a plan that is known, s; the attempt ends where
-    it will not undercut it.
+    place of as many equal intervals as are given. ``most``: the duration of a plan that is known,
+    s; the attempt ends where it will not undercut it.
     """
 
     scene: Scene
@@ -76,7 +75,6 @@ class Attempt:
     torque_share: float = 1.0
     is_near: bool = False
     on_its_mesh: bool = False
-    may_be_softer: bool = True
     most: float = inf
 
     @cached_property
@@ -130,7 +128,6 @@ def on_its_mesh(scene: Scene, motion: Trajectory) -> Attempt:
         "that motion, on its mesh",
         is_near=True,
         on_its_mesh=True,
-        may_be_softer=False,
     )
 
 

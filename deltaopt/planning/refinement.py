@@ -28,12 +28,11 @@ from deltaopt.planning.mesh.error_estimate import (
 )
 from deltaopt.planning.mesh.gap import iteration_of
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, solve_on_mesh
-from deltaopt.planning.mesh.reversals import with_reversals
 from deltaopt.planning.nlp.phases import FacePhases, joined
 from deltaopt.planning.nlp.problem import Formulated, Guess
 from deltaopt.planning.nlp.scaling import Scaling
+from deltaopt.planning.nlp.softening import Softening
 from deltaopt.planning.plan import Iteration
-from deltaopt.problem.problem import Problem
 
 if TYPE_CHECKING:  # it is loaded where a tolerance asks for it, so that other plans start faster
     from deltaopt.planning.switching.resolution import ResolvedMotion
@@ -103,10 +102,8 @@ class Refinement:
 
     ``tolerance``: relative optimality gap to reach. ``resolver``: resolves the instants of
     switching; None if they are not to be resolved. ``report``: is called with a line of text after
-    every mesh. ``softer``: the problems of the first meshes, whose friction is softer; if there are
-    any, knots are put at reversals on those that follow. ``most``: duration (s) of a motion that is
-    known; where no estimate lets hope for less, refinement ends. ``solutions`` and ``iterations``:
-    of the meshes so far, one each.
+    every mesh. ``most``: duration (s) of a motion that is known; where no estimate lets hope for
+    less, refinement ends. ``solutions`` and ``iterations``: of the meshes so far, one each.
     """
 
     program: Formulated
@@ -114,7 +111,6 @@ class Refinement:
     tolerance: float
     resolver: SwitchResolver | None
     report: Progress
-    softer: tuple[Problem, ...] = ()
     most: float = inf
     solutions: list[MeshSolution] = field(default_factory=list, init=False)
     iterations: list[Iteration] = field(default_factory=list, init=False)
@@ -136,7 +132,7 @@ class Refinement:
         self._solve(mesh, first, first_tightening(self.scaling, first.trajectory, mesh))
         while not self._done:
             last = self.solutions[-1]
-            gap = last.own_gap if last.is_softened else self.iterations[-1].gap
+            gap = self.iterations[-1].gap
             wanted = _TARGET_SHARE * self.tolerance
             target = max(min(max(wanted, gap / _REDUCTION), _LARGEST_TARGET), _SMALLEST_TARGET)
             resolve = self._next_resolution(gap)
@@ -186,19 +182,21 @@ class Refinement:
         corrected by comparing two; and no limit of position is exceeded."""
         last = self.iterations[-1]
         small = len(self.iterations) > 1 and last.gap <= self.tolerance
-        return small and isfinite(last.safe_duration) and not self.solutions[-1].is_softened
+        return small and isfinite(last.safe_duration)
 
-    @property
-    def _problem(self) -> Problem:
-        """The problem of the next mesh: on the first ones with softer friction."""
-        solved = len(self.solutions)
-        return self.softer[solved] if solved < len(self.softer) else self.scaling.problem
+    def _softening(self, guess: Guess) -> Softening | None:
+        """How much softer friction is on the next mesh."""
+        problem = self.scaling.problem
+        if not self.solutions:
+            first = Softening.of(problem, guess.trajectory, self.tolerance)
+            return first and replace(first, covers=guess.near)
+        last = self.solutions[-1]
+        known = last.scaling.softening
+        return known and known.after(problem, last.lost_to_friction, self.tolerance)
 
     def _solve(self, mesh: Array, guess: Guess, scaling: Scaling) -> None:
-        if scaling.problem is not self._problem:
-            scaling = replace(scaling, problem=self._problem)
-        program, problem = self.program.on(mesh), self.scaling.problem
-        self.solutions.append(solve_on_mesh(program, scaling, guess, problem))
+        scaling = replace(scaling, softening=self._softening(guess))
+        self.solutions.append(solve_on_mesh(self.program.on(mesh), scaling, guess))
         self.iterations.append(iteration_of(self.solutions))
         if self._within_tolerance and self.scaling.problem.may_be_slowed:
             # So far limits were checked at samples: now at all instants.
@@ -245,8 +243,6 @@ class Refinement:
         if together > 1:
             before, lost = joined(before, together), joined_estimate(lost, together)
         mesh = refined(before, lost, target)
-        if len(self.solutions) >= len(self.softer) > 0:  # softer friction needs no such knots
-            mesh = with_reversals(mesh, last.trajectory, self.scaling.problem)
         mesh = mesh if together * len(mesh) <= last.program.finest else before
         contacts = last.contacts
         mesh = with_knots_at(mesh, contacts) if len(contacts) else mesh
@@ -268,7 +264,7 @@ class Refinement:
     def _is_repetition(self, last: MeshSolution, mesh: Array, scaling: Scaling) -> bool:
         """Whether the next solve would repeat the last; counts solves on the same mesh."""
         N = len(mesh)
-        self._repeats = self._repeats + 1 if len(last.mesh) == N and not last.is_softened else 0
+        self._repeats = self._repeats + 1 if len(last.mesh) == N else 0
         same = self._repeats and np.array_equal(scaling.shares(N), last.scaling.shares(N))
         return bool(same) or self._repeats > _MOST_REPEATS
 
@@ -281,7 +277,9 @@ class Refinement:
         """
         if self.resolver is None or self._failures or self._repeats or gap >= _DETECTABLE_GAP:
             return None
-        if self.solutions[-1].is_softened or self.solutions[-1].faces is not None:
+        if self.solutions[-1].scaling.softening is not None:
+            return None
+        if self.solutions[-1].faces is not None:
             return None
         if gap < _SHARP_GAP and self._fine_left:
             self._fine_left -= 1

@@ -51,14 +51,6 @@ def _leaving_torque(kept: float) -> Remedy:
     return changed
 
 
-def _without_softer(
-    optimiser: TrajectoryOptimiser, attempt: Attempt, outcome: Outcome
-) -> Attempt | None:
-    if not (_is_missed(attempt, outcome) and optimiser.softer(attempt)):
-        return None
-    return replace(attempt, may_be_softer=False)
-
-
 def _from_another_mesh(
     optimiser: TrajectoryOptimiser, attempt: Attempt, outcome: Outcome
 ) -> Attempt | None:
@@ -77,7 +69,7 @@ def _is_missed(attempt: Attempt, outcome: Outcome) -> bool:
     return resolvable and isinstance(outcome, Plan) and not outcome.within_tolerance
 
 
-REMEDIES = (_kept_away, *map(_leaving_torque, _TORQUE_KEPT), _without_softer, _from_another_mesh)
+REMEDIES = (_kept_away, *map(_leaving_torque, _TORQUE_KEPT), _from_another_mesh)
 """In this order, each after what came of those before."""
 
 

@@ -43,7 +43,6 @@ from deltaopt.planning.journal import Progress
 from deltaopt.planning.mesh.gap import gap_of, iteration_of
 from deltaopt.planning.mesh.kept_limits import kept_or_slowed
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, motion_on_first_mesh
-from deltaopt.planning.mesh.reversals import softer_problems
 from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.problem import (
     Formulated,
@@ -105,18 +104,9 @@ class TrajectoryOptimiser:
             return self.fastest(attempt, self.accuracy, report)
         return self._plan_effort(attempt, report)
 
-    def softer(self, attempt: Attempt) -> tuple[Problem, ...]:
-        """The problems of the first meshes of an attempt, whose friction is softer; none where that
-        does not help."""
-        problem = attempt.problem
-        at_rest = problem.is_at_rest and not problem.gates
-        helps = attempt.may_be_softer and self._is_compiled and at_rest
-        return softer_problems(problem, attempt.motion) if helps else ()
-
     @property
     def _is_compiled(self) -> bool:
-        """Whether plans are made by the interior-point method. Ipopt takes seconds for a mesh, as
-        many with knots at reversals as without."""
+        """Whether plans are made by the interior-point method."""
         return isinstance(self._solver, InteriorPoint)
 
     def on_first_mesh(self, attempt: Attempt) -> Trajectory:
@@ -152,7 +142,6 @@ class TrajectoryOptimiser:
             self.tolerance,
             self._resolver(scaling, report) if is_fastest and not (moving or in_phases) else None,
             report,
-            self.softer(attempt),
             attempt.most,
         )
         resolved = refinement.from_guess(guess, mesh)

@@ -224,9 +224,9 @@ class Model(ABC):
         bound, or is not known: then there is no bound."""
 
     @property
-    def layers(self) -> tuple[float, ...]:
-        """The speeds within ± of which parts of the actuators' forces change their sign, as Coulomb
-        friction does: the numbers of ``Functions.layers``; none unless stated."""
+    def layers(self) -> tuple[tuple[float, float], ...]:
+        """Of each part of the actuators' forces that changes its sign within a moment, as Coulomb
+        friction does, the numbers of ``Functions.layers``; none unless stated."""
         return ()
 
     @abstractmethod

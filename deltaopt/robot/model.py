@@ -171,10 +171,11 @@ class DeltaModel(Model):
         return delta_energies(self.functions.mechanism, self.numbers)
 
     @property
-    def layers(self) -> tuple[float, ...]:
-        """The speeds of arms within ± of which friction changes its sign, rad/s."""
+    def layers(self) -> tuple[tuple[float, float], ...]:
+        """Of friction that changes its sign the speed of arms within ± of which it does, rad/s, and
+        how much it is, N·m."""
         found = (load.layer() for load in self.numbers.loads)
-        return tuple(float(layer[0]) for layer in found if layer is not None)
+        return tuple((float(speed), float(most)) for speed, most in filter(None, found))
 
     def with_multipliers(self) -> DeltaModel:
         """This robot and payload by eq. (37), model L_I."""

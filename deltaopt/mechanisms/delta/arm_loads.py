@@ -42,7 +42,8 @@ class ArmLoad:
 
     def layer(self) -> tuple[SX | float, SX | float] | None:
         """The speed within ± of which it changes its sign (rad/s), and half by how much it changes
-        (N·m), as a tanh does; None where it does not change within a moment."""
+        (N·m), a parameter of its own, as a tanh does; None where it does not change within a
+        moment."""
         return None
 
     @classmethod

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import casadi as ca
@@ -32,8 +32,9 @@ class PointEquations:
     the torques. ``force``: eq. (39) in units of the largest torque over an arm's length, 3, zero
     where the torques produce the motion; with limits of torque rates also its derivative by time.
     ``rows``: normalised rows of the limits. ``rates``: of running costs, in units of `Cost`.
-    ``saturating``, ``strengths``: of Coulomb friction, as of `PointProblem`: θ̇ / w and c in units
-    of the torque limits.
+    ``saturating``, ``strengths``, ``covers``: of Coulomb friction, as of `PointProblem`: θ̇ over the
+    width of its change of sign, and c in units of the torque limits. Torques are kept from their
+    limits by what a width that is not friction's own may hide: see `Softening`.
     """
 
     constraints: Constraints
@@ -44,16 +45,18 @@ class PointEquations:
     rates: Mapping[Running, ca.SX]
     saturating: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     strengths: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
+    covers: ca.SX = field(default_factory=lambda: ca.SX(0, 0))
 
     @classmethod
     def of(cls, functions: Functions, constraints: Constraints) -> PointEquations:
         """Derive them for a mechanism and the limits of a scene."""
-        parameters = Parameters.symbols(constraints, functions.symbols())
+        parameters = Parameters.symbols(constraints, functions, functions.symbols())
         order, p = constraints.order, parameters
         end, has_rates = 3 * (order + 1), constraints.has_torque_rates
         y = ca.SX.sym("y", end + 3 * (1 + has_rates) + 1)
         T, controls = p.time * y[-1], y[end : end + 3]
         tau = p.torque * controls
+        rate = p.torque * y[-4:-1] / T if has_rates else None
         motion = PlatformInstant(
             functions,
             p.origin + p.length * y[:3],
@@ -62,22 +65,39 @@ class PointEquations:
             p.mechanism,
             tau,
             jerk=p.length * y[9:12] / T**3 if order == 3 else None,
-            given_torque_rate=p.torque * y[-4:-1] / T if has_rates else None,
+            given_torque_rate=rate,
         )
         rows = constraints.rows(motion, p.limits)
-        rows[np.flatnonzero(constraints.is_control).tolist()] = controls  # in units of their limits
-        force = motion.force
+        control = np.flatnonzero(constraints.is_control).tolist()
+        rows[control] = controls  # in units of their limits
+        mechanism, load, load_rate = p.mechanism, ca.SX.zeros(3), ca.SX.zeros(3)
+        saturating, strengths, covers = ca.SX(0, 1), ca.SX(0, 1), ca.SX(rows.numel(), 0)
+        for speed, strength in functions.layers(p.mechanism):
+            wide, share = ca.fmax(speed, p.widths), strength / p.torque
+            u, by = motion.dtheta / wide, ca.SX.sym("u", 3)
+            mechanism = ca.substitute(mechanism, strength, 0)
+            load += strength * ca.tanh(u)
+            load_rate += strength * (1 - ca.tanh(u) ** 2) / wide * motion.ddtheta
+            room = 1 - p.cover * (1 - (speed / wide) ** 2) * share * (1 - ca.tanh(by) ** 2)
+            changed = rows[control] + share * (ca.tanh(by) - ca.tanh(u))
+            bent = ca.SX(rows.numel(), 3)
+            bent[control, :] = _twice(changed / room, by) - _twice(changed, by)
+            rows[control] /= ca.substitute(room, by, u)
+            saturating = ca.vertcat(saturating, u)
+            strengths = ca.vertcat(strengths, share)
+            covers = ca.horzcat(covers, ca.substitute(bent, by, u))
+        moved = motion
+        if saturating.numel():  # what moves the mechanism beside friction as soft as it is here
+            rate = None if rate is None else rate - load_rate
+            moved = replace(motion, p=mechanism, given_torque=tau - load, given_torque_rate=rate)
+        force = moved.force
         if has_rates:
-            force = ca.vertcat(force, T * motion.force_rate)
+            force = ca.vertcat(force, T * moved.force_rate)
         rates = dict.fromkeys((Running.EFFORT, Running.WEIGHTED_EFFORT), effort_of(tau, p.motors))
         if order == 3:
             rates[Running.JERK] = ca.sumsqr(y[9:12] / y[-1] ** 3)
         if has_rates:
             rates[Running.TORQUE_RATE] = ca.sumsqr(p.torque * y[-4:-1] / T)
-        saturating, strengths = ca.SX(0, 1), ca.SX(0, 1)
-        for speed, strength in functions.layers(p.mechanism):
-            saturating = ca.vertcat(saturating, motion.dtheta / speed)
-            strengths = ca.vertcat(strengths, strength / p.torque)
         return cls(
             constraints=constraints,
             y=y,
@@ -87,6 +107,7 @@ class PointEquations:
             rates=rates,
             saturating=saturating,
             strengths=strengths,
+            covers=covers,
         )
 
     def point_problem(self, rate: Running | None) -> PointProblem:
@@ -107,7 +128,14 @@ class PointEquations:
             running=ca.SX(0, 1) if rate is None else self.rates[rate],
             saturating=self.saturating,
             strengths=self.strengths,
+            covers=self.covers,
+            own=self.parameters.widths,
         )
+
+
+def _twice(values: ca.SX, by: ca.SX) -> ca.SX:
+    """Second derivatives of values, each by its own of as many variables, as a diagonal matrix."""
+    return ca.diag(ca.diag(ca.jacobian(ca.diag(ca.jacobian(values, by)), by)))
 
 
 @lru_cache(maxsize=16)

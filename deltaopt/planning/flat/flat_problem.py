@@ -243,7 +243,8 @@ class FlatProblem:
         if not scaling.gates:
             states = self._states(motion, scaling, 0.0, motion.duration, mesh)
             p, share = scaling.parameters(parameters), np.ascontiguousarray(shares)
-            return [Phase(mesh, p, share, states, total, cost.duration_is_given, known)]
+            soft = _widths(motion, scaling, mesh)
+            return [Phase(mesh, p, share, states, total, cost.duration_is_given, known, soft)]
         first, last = motion.knots[[0, -1]].tolist()
         passes = scaling.passes(motion)
         instants = [first, *passes.tolist(), last]
@@ -258,7 +259,9 @@ class FlatProblem:
             states = self._states(motion, scaling, begin, T, lengths)
             share = np.ascontiguousarray(shares[own])
             of_own = None if known is None else known[own]
-            phases.append(Phase(lengths, p, share, states, T / scaling.time, multipliers=of_own))
+            soft = _widths(motion, scaling, mesh)[own]
+            time = T / scaling.time
+            phases.append(Phase(lengths, p, share, states, time, multipliers=of_own, own=soft))
         return phases
 
     def _states(
@@ -312,6 +315,7 @@ class FlatProblem:
             found.spent,
             all_at_points=True,
             left=float(found.left + smaller_spheres / found.cost),
+            widths=np.concatenate([phase.own for phase in given]),
             mesh=None if len(given) == 1 else np.diff(position.knots) / position.knots[-1],
         )
 
@@ -324,3 +328,10 @@ class FlatProblem:
         one_sided = np.einsum("tep,npm->ntem", _ONE_SIDED, multipliers)
         found: Array = np.where(jumps, one_sided, shared)
         return found.reshape(-1, 2, multipliers.shape[2])
+
+
+def _widths(motion: Trajectory, scaling: Scaling, mesh: Array) -> Array:
+    """As of `Softening`: 0 for friction as it is, and of no motor without any."""
+    if scaling.softening is not None:
+        return scaling.softening.widths(motion, mesh)
+    return np.zeros((len(mesh), scaling.constraints.motors * bool(scaling.problem.model.layers)))

@@ -308,6 +308,7 @@ static void set_intervals(Problem *P) {
     for (int64_t j = 0; j < given->intervals[phase]; j++, i++) {
       Interval *I = P->interval + i;
       I->length = given->mesh[i];
+      I->own = given->own + NO * i;
       I->phase = phase;
       I->boundary[0] = j == 0 ? phase : -1;
       I->boundary[1] = j == given->intervals[phase] - 1 ? phase + 1 : -1;
@@ -586,7 +587,8 @@ static Given given_by(int64_t phases, int64_t n, const int64_t *flags, const dou
   G.thirds = rule + 4 * NG;
   G.quadrature = rule + 8 * NG;
   G.mesh = numbers;
-  G.share = G.mesh + n;
+  G.own = G.mesh + n;
+  G.share = G.own + n * NO;
   G.p = G.share + n * NC;
   G.state = G.p + phases * NP;
   G.drift = G.state + (phases + 1) * NB;
@@ -595,7 +597,7 @@ static Given given_by(int64_t phases, int64_t n, const int64_t *flags, const dou
   return G;
 }
 
-/* flags: intervals, given, is_free. rule: fractions, thirds, quadrature. numbers: mesh, share, p, state,
+/* flags: intervals, given, is_free. rule: fractions, thirds, quadrature. numbers: mesh, own, share, p, state,
    drift, radius, cost. motion: in, a guess; out, the solution: knots of each phase in units of its duration,
    (n + phases) x NB, and the durations. multipliers: out, n x points x NC of the rows, NI of the
    integral rows, one for each sphere; in, those of the rows, per share of what may be used of the

@@ -126,7 +126,8 @@ class Phase:
     limit there. ``knots``: X, V (and A) in units of the phase's duration, (N + 1, unknowns).
     ``duration_is_given``: it stays as in the guess. ``multipliers``: of
     a solution near the guess, as of `PhaseSolution`, to begin from; None to begin from those that
-    the barrier alone asks for. All phases of a motion have them or none.
+    the barrier alone asks for. All phases of a motion have them or none. ``own``: parameters of
+    each interval's own, in place of those in p, (N, …).
     """
 
     mesh: Array
@@ -136,6 +137,7 @@ class Phase:
     duration: float
     duration_is_given: bool = False
     multipliers: Array | None = None
+    own: Array = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True)
@@ -263,6 +265,7 @@ class CompiledMethod:
         numbers = np.concatenate(
             [
                 *[phase.mesh for phase in phases],
+                *[phase.own.ravel() for phase in phases],
                 *[phase.share.ravel() for phase in phases],
                 *[phase.p for phase in phases],
                 *[boundary.state.ravel() for boundary in boundaries],

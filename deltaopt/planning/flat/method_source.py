@@ -30,6 +30,8 @@ def source(problem: PointProblem, points: int) -> str:
         "NL": problem.running.numel(),
         "NA": problem.integrands.numel() + problem.running.numel(),
         "NP": problem.p.numel(),
+        "NO": problem.own.numel(),
+        "OWN": problem.place_of_own,
         "NQ": functions.prepare.numel_out(0),
         "NZ": len(C),
         "NH": len(H),

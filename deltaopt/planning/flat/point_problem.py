@@ -24,7 +24,8 @@ Entries = dict[tuple[int, int], str]
 
 @dataclass(frozen=True)
 class PointFunctions:
-    """``prepare``: p -> q, parameters and what depends on them alone. ``values``: (y, q) -> rows,
+    """``prepare``: p -> q, parameters and what depends on them alone, but for
+    those of each interval's own. ``values``: (y, q) -> rows,
     T (integrands - 1) and T running, and e: tau and the inverse of -∂force/∂tau by columns.
     ``second``: (y, e, w, q) -> the nonzeros of the matrices that follow, by columns; w: weights of
     rows and integrands.
@@ -64,6 +65,8 @@ class PointProblem:
     function of y, and the strength, a function of p, (tau,) each; none without such parts. Of their
     curvature the method takes what makes the sum of weighted rows convex: where tanh bends within
     one step of an interval, the rest would ask for shifts of the Hessian that make steps short.
+    ``covers``: second derivatives of the rows by each u other than by tau, (rows, u).
+    ``own``: those of the parameters that each interval has of its own, next to each other in p.
     ``straight``: of how many of the last equations the method takes no curvature, as of rates of
     torques: that would be three quarters of the program, and saves no iteration.
     """
@@ -80,6 +83,8 @@ class PointProblem:
     running: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     saturating: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     strengths: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
+    covers: ca.SX = field(default_factory=lambda: ca.SX(0, 0))
+    own: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     straight: int = 0
 
     def __post_init__(self) -> None:
@@ -102,6 +107,12 @@ class PointProblem:
         """Unknowns at a knot."""
         return self.coordinates * self.derivatives
 
+    @property
+    def place_of_own(self) -> int:
+        """Where in p the parameters of each interval's own begin."""
+        names = [str(self.p[k]) for k in range(self.p.numel())]
+        return names.index(str(self.own[0])) if self.own.numel() else 0
+
     @cached_property
     def functions(self) -> PointFunctions:
         """The expressions and their derivatives as functions of numbers.
@@ -114,7 +125,9 @@ class PointProblem:
         results.append(ca.vertcat(tau, ca.vec(inverse)))
         arguments, matrices = self._partial_derivatives()
         nonzeros = [ca.vec(matrix.nz[:]) for matrix in matrices]
-        reduced, symbols, parametric = ca.extract_parametric([*results, *nonzeros], self.p)
+        at, end = self.place_of_own, self.place_of_own + self.own.numel()
+        shared = ca.vertcat(self.p[:at], self.p[end:]) if end > at else self.p
+        reduced, symbols, parametric = ca.extract_parametric([*results, *nonzeros], shared)
         q = ca.vertcat(self.p, *symbols)
         return PointFunctions(
             _function("prepare", [self.p], [ca.vertcat(self.p, *parametric)]),
@@ -137,14 +150,14 @@ class PointProblem:
             ca.jacobian(self.force, y),
             ca.jacobian(c, y),
             ca.jacobian(c, tau),
-            ca.triu(ca.hessian(lagrangian, y)[0] - self._concave(ca.dot(w, c))),
+            ca.triu(ca.hessian(lagrangian, y)[0] - self._concave(ca.dot(w, c), w)),
             ca.jacobian(ca.gradient(lagrangian, y), tau).T,
             ca.hessian(lagrangian, tau)[0],
         ]
         matrices = [ca.sparsify(ca.substitute(matrix, nu, adjoint)) for matrix in matrices]
         return [y, ca.vertcat(tau, ca.vec(inverse)), w], matrices
 
-    def _concave(self, weighted: ca.SX) -> ca.SX:
+    def _concave(self, weighted: ca.SX, w: ca.SX) -> ca.SX:
         """The part of the Hessian by y of weighted rows that is left out: see ``saturating``."""
         left_out = ca.SX(self.y.numel(), self.y.numel())
         slopes = ca.gradient(weighted, self.tau)
@@ -152,7 +165,9 @@ class PointProblem:
             u = self.saturating[k]
             bending = -2 * ca.tanh(u) * (1 - ca.tanh(u) ** 2)
             along = ca.gradient(u, self.y)
-            left_out += ca.fmin(slopes[k] * self.strengths[k] * bending, 0) * (along @ along.T)
+            bent = slopes[k % self.coordinates] * self.strengths[k] * bending
+            bent += ca.dot(w[: self.rows.numel()], self.covers[:, k])
+            left_out += ca.fmin(bent, 0) * (along @ along.T)
         return left_out
 
     @property

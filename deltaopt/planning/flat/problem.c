@@ -44,6 +44,7 @@
      NY, NC, NI     numbers in y, constraint rows, integral rows
      NL, NA         running costs, 0 or 1; NI + NL: integrals of both kinds
      NP, NQ         parameters, and numbers that depend on them alone
+     NO, OWN        parameters of each interval's own, and where in p they begin
      NE             numbers that values keeps for second, the torques among them
      NZ, NH         nonzeros of C's constraint rows and of H's upper triangle
      NG             groups of four points in an interval
@@ -107,6 +108,7 @@ typedef struct {
   const int64_t *intervals;  /* of each phase */
   const int64_t *given;      /* whether a phase's duration is given */
   const double *mesh;        /* n: intervals as fractions of their phase's duration */
+  const double *own;         /* n x NO: parameters of each interval's own, in place of those in p */
   const double *share;       /* n x NC: of the limits that may be used; infinite: no limit there */
   const double *p;           /* phases x NP */
   const double *state;       /* (phases + 1) x NB: at each boundary, in constant units */
@@ -141,6 +143,7 @@ typedef struct {
   double K[NK + 1][WIDE + 4];    /* curvature by both knots and T, the lower triangle */
   double bending[2 * NR][2 * NR]; /* its part of the integral of A^2, as a form in the knots */
   double length;
+  const double *own;             /* NO: its own parameters */
   int64_t phase;
   int64_t boundary[2];           /* where its knots are boundaries, else -1 */
   int constant[2], any_constant; /* whether its knots are in constant units */

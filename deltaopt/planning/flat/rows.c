@@ -22,13 +22,20 @@ static void leave_out_given(const Problem *P, const Interval *I, const Group *G,
       if (STATE(r) && fabs(c[r][l]) > AT_LIMIT && is_given(P, I, fractions[l], r)) c[r][l] = 0;
 }
 
+/* The parameters of an interval, and what depends on them. */
+static const V *parameters(Problem *P, const Interval *I) {
+  V *q = P->prepared + NQ * I->phase;
+  for (int k = 0; k < NO; k++) q[OWN + k] = ALL(I->own[k]);
+  return q;
+}
+
 /* Rows at the points of interval i as shares of what may be used of the limits; to the integrals
    its part of them. */
 static void rows(Problem *P, int64_t i, Group *G, const double *knots, double T, V *c) {
   const Interval *I = P->interval + i;
   V y[NY], g[NA];
   at_points(G, knots, T, y);
-  values(y, P->prepared + NQ * I->phase, c, g, G->e);
+  values(y, parameters(P, I), c, g, G->e);
   scale(I, c);
   leave_out_given(P, I, G, c);
   for (int k = 0; k < NI; k++) P->single[k].next += sum(G->integral * g[k]);
@@ -42,14 +49,14 @@ static double price(const Problem *P, int k) {
 
 /* Curvature of the Lagrangian with t eliminated, by y; the rows are known from the trial that
    led here, or from the beginning. */
-static void differentiate(const Problem *P, const Interval *I, Group *G, const double *knots,
+static void differentiate(Problem *P, const Interval *I, Group *G, const double *knots,
                           V S[NY][NY]) {
   V y[NY], weight[NC + NA], stiffness[NC], H[NH];
   at_points(G, knots, duration_of(P, I, P->z), y);
   memcpy(weight, G->y, sizeof G->y);
   scale(I, weight);
   for (int k = 0; k < NA; k++) weight[NC + k] = price(P, k) * G->integral;
-  second(y, G->e, weight, P->prepared + NQ * I->phase, G->C, H);
+  second(y, G->e, weight, parameters(P, I), G->C, H);
   scale_rows(G->C, I->scale);
   for (int r = 0; r < NC; r++)
     stiffness[r] = G->upper[r] * G->over[r] + G->lower[r] * G->under[r];

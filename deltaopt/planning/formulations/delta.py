@@ -38,7 +38,7 @@ def scaled_delta(functions: Functions, constraints: Constraints) -> ScaledMechan
     moves by that distance, of energy the work of the largest torque through that angle.
     """
     m = functions.mechanism
-    parameters = Parameters.symbols(constraints, m.parameters)
+    parameters = Parameters.symbols(constraints, functions, m.parameters)
     length, torque = parameters.length, parameters.torque
     angle = length / functions.lever(m.parameters)
     units = Units(

@@ -30,7 +30,8 @@ def iteration_of(solutions: list[MeshSolution]) -> Iteration:
     """The record of the last mesh solution, with its gap.
 
     The estimated loss of time is compared with how much the duration really fell since the
-    last solution on another mesh: where the estimate fell short, it is raised in proportion.
+    last solution on another mesh: where the estimate fell short, it is raised in proportion, but
+    for what softer friction loses, which no other mesh changes.
     """
     last = solutions[-1]
     to_be_gained = last.unused + _left(solutions)
@@ -48,7 +49,9 @@ def iteration_of(solutions: list[MeshSolution]) -> Iteration:
         iterations=last.solution.iterations,
         duration=last.trajectory.duration,
         safe_duration=last.safe_duration,
-        gap=last.exceeding + correction * SAFETY_FACTOR * to_be_gained,
+        gap=last.exceeding
+        + SAFETY_FACTOR
+        * (correction * (to_be_gained - last.lost_to_friction) + last.lost_to_friction),
         spent=last.solution.spent,
         cost=last.cost if last.problem.objective.running else None,
         unit=last.problem.objective.unit,

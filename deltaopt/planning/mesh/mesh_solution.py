@@ -55,28 +55,29 @@ _TOUCHES, _FREE = 0.02, 1e-6
 must cost, as a fraction of the duration per share of its bound."""
 
 
-def solve_on_mesh(
-    program: Program, scaling: Scaling, guess: Guess, problem: Problem
-) -> MeshSolution:
+def solve_on_mesh(program: Program, scaling: Scaling, guess: Guess) -> MeshSolution:
     """Solve a program on its mesh, and estimate the lost time and the excess over the limits.
 
-    ``scaling``: of the problem that is solved. ``problem``: the one that was asked for. Raises
-    NotConverged.
+    Raises NotConverged.
     """
-    solution = program.solve(guess, scaling, scaling.problem.model.parameters)
+    problem = scaling.problem
+    solution = program.solve(guess, scaling, problem.model.parameters)
     trajectory = Trajectory(solution.position, problem.model, solution.coordinates)
-    loads = loads_inside(scaling.problem, trajectory, FRACTIONS)
+    loads = loads_inside(problem, trajectory, FRACTIONS)
     slowing, needed = _needed(loads, scaling)
     mesh = program.mesh if solution.mesh is None else solution.mesh
     lost = _lost(mesh, solution, loads, slowing, scaling.constraints)
     unused = lost.total
-    if scaling.problem is not problem:
-        real = loads_inside(problem, trajectory, FRACTIONS)
-        slowing, needed = _needed(real, scaling)
-        unused = _lost(mesh, solution, real, slowing, scaling.constraints).total
+    if scaling.softening is not None and solution.widths is not None:
+        rows, control = loads.rows.copy(), scaling.constraints.is_control
+        rows[:, control] = scaling.softening.resolved(
+            problem, trajectory, solution.widths, FRACTIONS, rows[:, control]
+        )
+        resolved = replace(loads, rows=rows)
+        lost = _lost(mesh, solution, resolved, slowing, scaling.constraints)
     has_arrived = solution.left <= guess.tolerance
     found = MeshSolution(
-        program, solution, trajectory, loads, lost, unused, needed, scaling, problem, has_arrived
+        program, solution, trajectory, loads, lost, unused, needed, scaling, has_arrived
     )
     if problem.objective.running:
         found = found.with_cost_of_bends()
@@ -150,11 +151,11 @@ def _by_interval(rows: Array) -> Array:
 class MeshSolution:
     """A problem solved on one mesh; its motion is not slowed yet.
 
-    ``problem``: the one that was asked for. ``scaling``: units and tightened limits of the one that
-    was solved, whose friction is softer on the first meshes. ``loads``: constraint rows of the
-    latter at ``FRACTIONS`` of the intervals. ``lost``: its estimated loss of time. ``unused``: the
-    same in ``problem``, without what slowing costs. ``needed``: by which factor the motion must be
-    slowed to keep every limit of ``problem``; of all instants if ``is_exact``, else of samples.
+    ``scaling``: units and tightened limits of the problem. ``loads``: constraint rows at
+    ``FRACTIONS`` of the intervals. ``lost``: the estimated loss of time to the mesh. ``unused``:
+    the same with what softer friction loses, without what slowing costs. ``needed``: by which
+    factor the motion must be slowed to keep every limit; of all instants if ``is_exact``, else of
+    samples.
     ``excess``: as of ``sure_excess``; None without such limits. ``has_arrived``: whether the solver
     left no more than was asked for.
     """
@@ -167,10 +168,14 @@ class MeshSolution:
     unused: float
     needed: NeededSlowing
     scaling: Scaling
-    problem: Problem
     has_arrived: bool
     is_exact: bool = False
     excess: Array | None = None
+
+    @property
+    def problem(self) -> Problem:
+        """What was solved."""
+        return self.scaling.problem
 
     @cached_property
     def cost(self) -> float:
@@ -319,15 +324,14 @@ class MeshSolution:
         return rows
 
     @cached_property
-    def is_softened(self) -> bool:
-        """Whether the problem that was solved has softer friction than the one asked for."""
-        return self.scaling.problem is not self.problem
-
-    @cached_property
     def own_gap(self) -> float:
-        """Estimated optimality gap of the motion in the problem that was solved."""
-        left = self.lost.total + self.solution.left
-        return float(self.lost.exceeded.max()) + SAFETY_FACTOR * left
+        """Estimated optimality gap of the motion, by this mesh alone."""
+        return float(self.lost.exceeded.max()) + SAFETY_FACTOR * self.to_be_gained
+
+    @property
+    def lost_to_friction(self) -> float:
+        """What softer friction loses, a fraction of the cost, where no finer mesh helps."""
+        return 0.0 if self.scaling.softening is None else max(0.0, self.unused - self.lost.total)
 
     @cached_property
     def mesh(self) -> Array:
@@ -429,6 +433,6 @@ class MeshSolution:
         if self.is_exact:
             return self
         as_sampled = len(sample_fractions(len(self.mesh))) == len(FRACTIONS)
-        known = self.loads if as_sampled and not self.is_softened else None
+        known = self.loads if as_sampled else None
         needed = needed_slowing(self.problem, self.trajectory, sampled=known)
         return replace(self, needed=needed, is_exact=True)

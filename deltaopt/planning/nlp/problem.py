@@ -93,7 +93,8 @@ class Solved:
     multipliers of the motion, given at the problem's points. ``coordinates``: all twelve, m and
     rad, where they do not follow from the platform's position. ``left``: by what fraction of the
     duration the solver's next step would shorten it. ``mesh``: lengths of the intervals as
-    fractions of the duration, (N,), where the solver has changed them; None where not.
+    fractions of the duration, (N,), where the solver has changed them; None where not. ``widths``:
+    of friction in the solver's intervals, as of `Softening`; None where it is as it is.
     """
 
     position: PiecewisePolynomial
@@ -105,6 +106,7 @@ class Solved:
     coordinates: PiecewisePolynomial | None = None
     left: float = 0.0
     mesh: Array | None = None
+    widths: Array | None = None
 
 
 class Program(Protocol):

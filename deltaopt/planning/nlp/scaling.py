@@ -15,8 +15,10 @@ from deltaopt.files.validated_record import Vector3
 from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.running_cost import Running
 from deltaopt.limits.scene_limits import SceneLimits
+from deltaopt.mechanisms.functions import Functions
 from deltaopt.motion.trajectory import Trajectory, passes
 from deltaopt.planning.nlp.phases import FacePhases
+from deltaopt.planning.nlp.softening import Softening
 from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.problem import Problem
 
@@ -41,7 +43,8 @@ class Parameters:
 
     ``origin`` (3, m), ``length`` (m), ``time`` (s) and ``torque`` (one for each motor, N·m): units
     of the scaled variables. ``motors``: their weights in a weighted effort, 1/(N²m²), none
-    elsewhere. ``limits``: numbers of the limits. ``mechanism``: the mechanism's.
+    elsewhere. ``limits``: numbers of the limits. ``mechanism``: the mechanism's. ``cover``, one,
+    and ``widths``, of each motor, as of `Softening`: none without friction that changes its sign.
     """
 
     origin: ca.SX
@@ -51,10 +54,15 @@ class Parameters:
     motors: ca.SX
     limits: ca.SX
     mechanism: ca.SX
+    cover: ca.SX
+    widths: ca.SX
 
     @classmethod
-    def symbols(cls, constraints: Constraints, mechanism: ca.SX) -> Parameters:
+    def symbols(
+        cls, constraints: Constraints, functions: Functions, mechanism: ca.SX
+    ) -> Parameters:
         """Make symbols for all parameters but the mechanism's, whose symbols are given."""
+        has_layers = bool(functions.layers(mechanism))
         return cls(
             origin=ca.SX.sym("origin", 3),
             length=ca.SX.sym("length"),
@@ -63,13 +71,16 @@ class Parameters:
             motors=ca.SX.sym("motors", constraints.motors * weights_motors(constraints)),
             limits=constraints.numbers(),
             mechanism=mechanism,
+            cover=ca.SX.sym("cover", int(has_layers)),
+            widths=ca.SX.sym("widths", constraints.motors * has_layers),
         )
 
     @property
     def scaling(self) -> ca.SX:
         """The parameters of the scene, in the order of ``Scaling.vector``."""
         units = self.origin, self.length, self.time, self.torque
-        return ca.vertcat(*units, self.motors, self.limits)
+        softening = self.cover, self.widths
+        return ca.vertcat(*units, self.motors, self.limits, *softening)
 
     @property
     def vector(self) -> ca.SX:
@@ -87,7 +98,8 @@ class Scaling:
     each limit that a motion may use, one for all or by interval and row, (N, rows). ``kept``:
     indices of the scene's items of limits that are considered; None for all.
     ``torque_share``: the part of torque limits that it may use at most, everywhere. ``faces``:
-    phases past the faces of bodies with sharp edges; None where there are none.
+    phases past the faces of bodies with sharp edges; None where there are none. ``softening``: of
+    friction; None where it is as it is.
     """
 
     problem: Problem
@@ -97,6 +109,7 @@ class Scaling:
     kept: tuple[int, ...] | None = None
     extent: float | None = None
     faces: FacePhases | None = None
+    softening: Softening | None = None
 
     @cached_property
     def limits(self) -> SceneLimits:
@@ -178,10 +191,15 @@ class Scaling:
 
     def vector(self) -> Array:
         """Values of ``Parameters.scaling``."""
-        units = [*self.origin, self.length, self.time, *self.torque]
-        if weights_motors(self.constraints):
-            units += self.problem.objective.motors
-        return np.concatenate([units, self.limits.numbers])
+        softening = np.zeros((1 + self.constraints.motors) * bool(self.problem.model.layers))
+        softening[:1] = self.softening is not None and self.softening.covers
+        return np.concatenate([self._units, self.limits.numbers, softening])
+
+    @property
+    def _units(self) -> list[float]:
+        """Values of ``Parameters.scaling`` before the numbers of limits."""
+        weights = self.problem.objective.motors if weights_motors(self.constraints) else ()
+        return [*self.origin, self.length, self.time, *self.torque, *weights]
 
     def parameters(self, mechanism: Array) -> Array:
         """Values of ``Parameters.vector``; ``mechanism``: those of the mechanism."""
@@ -192,7 +210,7 @@ class Scaling:
         p = self.parameters(mechanism)
         found = [p.copy() for _ in range(len(self.gates) + 1)]
         phased = self.limits.phased
-        units = len(self.vector()) - len(self.limits.numbers)
+        units = len(self._units)
         if self.faces is not None:
             for phase, numbers in zip(found, self.faces.numbers, strict=True):
                 phase[units : units + len(numbers)] = numbers

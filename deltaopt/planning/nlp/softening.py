@@ -1,0 +1,123 @@
+"""Softer friction on meshes: Coulomb friction that changes its sign as slowly as a mesh resolves.
+
+Friction c · tanh (θ̇ / w) changes its sign while an arm's speed goes from -w to w, at a reversal:
+within a thousandth of a motion as a rule. So do the torques that a motion may use. Where the points
+of a mesh are farther apart, every place that a reversal has among them is a local optimum; the
+solver is caught in one, or hardly converges, for between two points a reversal is free of charge:
+torques exceed their limits there by up to 2 c. So in each interval, and for each arm, friction
+changes its sign over about as many rad/s as the speed changes in that interval.
+
+That is not the friction that was asked for. To be safe, the torque is moreover kept from its limit
+by as much as the two may differ: by c (1 - tanh²) (1 - (w / width)²), which covers it. Then the
+limits hold with friction as it is, wherever reversals come to lie, and what they lose is known from
+their multipliers, as what a mesh loses is: intervals in which arms turn back are split until that
+is little, and no other. The first mesh is not covered: there it would cost more than the
+reversals of the best motion gain, and other motions would be found.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.problem.problem import Problem
+
+Array = NDArray[np.float64]
+
+_RESOLVED = 0.7
+"""Width of a change of sign, as a share of what a speed changes by in an interval. With half of it
+solutions are caught between points; more of it asks for finer meshes."""
+_QUIET = 0.05
+"""Where an arm's speed hardly changes it might on the next mesh: it is taken to change by this
+share of what the speed that changes most does at a mean."""
+_FIRST, _LEAST = 0.6, 1.5
+"""The least width on the first meshes, in units of the tolerance times the largest speed times the
+torque limit over c: this costs a tenth of the tolerance to half of it. And the least that is
+covered, in units of the friction's own: where that costs too much, friction is as it is."""
+_COSTLY, _WANTED, _FALL = 0.25, 0.2, 0.25
+"""What friction may cost by being softer, as a share of the tolerance, where a plan is not within
+it yet; what it is to cost then; and to which share of itself the least width falls at most."""
+_NEARLY = 1.01
+_SAMPLES = np.linspace(0.0, 1.0, 5)
+"""Fractions of intervals where speeds of arms are evaluated: they are nearly straight between."""
+
+
+@dataclass(frozen=True)
+class Softening:
+    """How much softer friction is on a mesh.
+
+    ``least``: width of a change of its sign in the shortest intervals, rad/s. ``covers``: whether
+    limits of torque are tightened by what that may hide.
+    """
+
+    least: float
+    covers: bool
+
+    @classmethod
+    def of(cls, problem: Problem, motion: Trajectory, tolerance: float) -> Softening | None:
+        """The softest that a plan of a tolerance may have; None without sharp friction.
+
+        ``motion``: a guess, whose speeds say what is soft.
+        """
+        layers, torques = problem.model.layers, problem.limits.upper("torque")
+        if not layers or torques is None:
+            return None
+        fastest = np.abs(_speeds(motion)).max()
+        friction = max(most for _, most in layers)
+        soft = _FIRST * tolerance * fastest * float(torques.min()) / friction
+        return cls(max(soft, _least(problem)), covers=False)
+
+    def widths(self, motion: Trajectory, mesh: Array) -> Array:
+        """Over how many rad/s friction changes its sign, from -1 to 1 over twice as many, in each
+        interval of a mesh, for each arm, (N, motors). ``motion``: a guess of the mesh's."""
+        speeds, knots = _speeds(motion), motion.knots
+        times = knots[:-1, None] + np.diff(knots)[:, None] * _SAMPLES
+        shares = (times.ravel() - knots[0]) / motion.duration
+        changed = np.abs(np.diff(speeds, axis=0, prepend=speeds[:1])).cumsum(axis=0)
+        at = np.append(0.0, mesh.cumsum())
+        inside = [np.diff(np.interp(at, shares, each)) / mesh for each in changed.T]
+        beside = np.pad(np.array(inside).T, ((1, 1), (0, 0)))
+        rates = np.maximum(beside[1:-1], np.maximum(beside[:-2], beside[2:]))
+        rates = np.maximum(rates, _QUIET * changed[-1].max())
+        return np.asarray(np.maximum(_RESOLVED * mesh[:, None] * rates, self.least))
+
+    def after(self, problem: Problem, lost: float, tolerance: float) -> Softening:
+        """That of the mesh after one on which it lost so much, a share of the duration, and a plan
+        is not within its tolerance."""
+        if lost <= _COSTLY * tolerance:
+            return replace(self, covers=True)
+        least = self.least * max(_FALL, _WANTED * tolerance / lost)
+        if self.least < _NEARLY * _least(problem):
+            return Softening(0.0, covers=True)
+        return Softening(max(least, _least(problem)), covers=True)
+
+    def resolved(
+        self, problem: Problem, motion: Trajectory, widths: Array, fractions: Array, rows: Array
+    ) -> Array:
+        """Rows of torques of a motion, (N · fractions, motors), shares of their limits, as its mesh
+        sees them where no finer one helps: with softer friction of the least width."""
+        torques = problem.limits.upper("torque")
+        assert torques is not None
+        speeds = _speeds(motion, fractions)
+        each = np.repeat(widths, len(rows) // len(widths), axis=0)
+        found = rows
+        for speed, most in problem.model.layers:
+            wide, share = np.maximum(speed, each), most / torques
+            soft = np.tanh(speeds / wide)
+            covered = self.covers * (1 - (speed / wide) ** 2) * share * (1 - soft**2)
+            found = (found + share * (soft - np.tanh(speeds / speed))) / (1 - covered)
+        return np.where(each < _NEARLY * self.least, found, rows)
+
+
+def _least(problem: Problem) -> float:
+    """The least width that is covered, rad/s."""
+    return _LEAST * min(speed for speed, _ in problem.model.layers)
+
+
+def _speeds(motion: Trajectory, fractions: Array = _SAMPLES) -> Array:
+    """Speeds of the arms at fractions of all intervals, (K · fractions, motors), rad/s."""
+    _, speeds, _ = motion.coordinates_inside(fractions)
+    return np.asarray(speeds[:, motion.model.functions.motors])
