@@ -120,8 +120,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json(_as_dict(arguments.scene, scene, verdict))
         return 0
-    robot, task, *rest = _description(scene)
-    for name, text in (("verdict", verdict), robot, task, *_bodies(scene), *rest):
+    of_robot, of_task, *rest = _description(scene)
+    for name, text in (("verdict", verdict), of_robot, of_task, *_bodies(scene), *rest):
         print(f"{name:<13}{text}")
     print("\n".join(["", *drive_table(scene.robot.drive), *_duty_of_baseline(scene)]))
     print(f"\n{limits_table(scene)}")
