@@ -88,7 +88,7 @@ def test_smoother_names_the_ways_with_the_longest_ramps():
         smoother.Smoothed("limit", SimpleNamespace(), 20.0, 25.0),
         smoother.Smoothed("cost", SimpleNamespace(), 5.0, 40.0),
     ]
-    said = "Longest ramps: by a limit at the least, by a cost usually"
+    said = "Longest ramps at the least: limit; usually: cost"
     assert smoother.title(found) == said
 
 
