@@ -115,7 +115,7 @@ def draw(found: Sequence[Smoothed], fastest: float, file: Path) -> None:
                 axes.plot(longer, rates, "o-", color=colour, markersize=3, label=fill(way, 18))
             axes.set(xscale="log", yscale="log", xlabel="longer than the fastest motion, %")
             axes.set_title(what)
-            axes.set_xticks(_TICKS, [f"{tick:g}" for tick in _TICKS])
+            axes.set_xticks(_TICKS[:-2], [f"{tick:g}" for tick in _TICKS[:-2]])
             axes.set_yticks(_TICKS, [f"{tick:g}" for tick in _TICKS])
             axes.minorticks_off()
             name_lines(axes, room=0.42, apart=0.13)
@@ -126,7 +126,7 @@ def title(found: Sequence[Smoothed]) -> str:
     """The message: which way lengthens most the time from no torque to the peak, where it is
     shortest and usually."""
     longest = max(found, key=lambda each: each.at_most), max(found, key=lambda each: each.usually)
-    return f"Longest ramps: by a {longest[0].way} at the least, by a {longest[1].way} usually"
+    return f"Longest ramps at the least: {longest[0].way}; usually: {longest[1].way}"
 
 
 def _duration(each: Smoothed) -> float:

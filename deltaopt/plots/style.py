@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 from warnings import catch_warnings, filterwarnings
 
@@ -28,6 +29,8 @@ STROKES = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)))
 LARGE, SMALL = 11, 6.5
 """Sizes of a picture's title and of remarks, points; all else has 8."""
 
+_LETTERS = 11
+"""Of a title in an inch."""
 _DOTS = 200
 """Per inch: a page as wide as a screen."""
 _SHADES = 128
@@ -72,7 +75,8 @@ def figure(file: Path, width: float, height: float, message: str = "") -> Iterat
     with _DRAWING, mpl.rc_context(_STYLE), atomic_write(file) as temporary:
         drawn = Figure(figsize=(width, height), dpi=_DOTS, layout="constrained")
         if message:
-            drawn.suptitle(verbatim(message), x=0.01, ha="left", fontsize=LARGE)
+            title = fill(verbatim(message), int(_LETTERS * width))
+            drawn.suptitle(title, x=0.01, ha="left", fontsize=LARGE)
         yield drawn
         with catch_warnings():
             filterwarnings("ignore", "Glyph")  # no font has all signs of all names

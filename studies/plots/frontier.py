@@ -23,7 +23,9 @@ def draw(found: list[Point], file: Path) -> None:
         for axes, kind in zip(every, kinds, strict=True):
             own = [p for p in best_degrees(found) if p.past_bodies == kind]
             _panel(axes, own)
-            axes.set_title("past bodies" if kind else "free moves")
+            none = sorted({p.method for p in own} - {p.method for p in own if np.isfinite(p.gap)})
+            failed = f" ({', '.join(none)}: no motion)" if none else ""
+            axes.set_title(("past bodies" if kind else "free moves") + failed)
         every[0].set_ylabel("slower than the optimum, %")
 
 
@@ -36,16 +38,18 @@ def title(found: list[Point]) -> str:
         for by_method in times_longer(found, past_bodies=kind).values()
         for ratio in by_method.values()
     ]
-    told = f"Same accuracy, {min(ratios):.0f} to {max(ratios):.0f} times sooner than by Ipopt"
+    told = f"As accurate {min(ratios):.0f} to {max(ratios):.0f} times sooner than by Ipopt"
     quickest = min((p for p in found if np.isfinite(p.seconds)), key=lambda p: p.seconds)
     if quickest.method == DEFAULT:
         return told
-    return f"{told}; {quickest.method} is soonest, {100 * quickest.gap:.0f} % too slow"
+    return f"{told}; {quickest.method} soonest, {100 * quickest.gap:.0f} % too slow"
 
 
 def _panel(axes: Axes, found: Sequence[Point]) -> None:
     for method, own in groupby(found, key=lambda p: p.method):
-        reached = [p for p in own if np.isfinite(p.seconds)]
+        reached = [p for p in own if np.isfinite(p.gap)]
+        if not reached:
+            continue
         x, y = [1e3 * p.seconds for p in reached], [100 * max(p.gap, 1e-8) for p in reached]
         colour = _colour(method)
         label = f"{method}, Ipopt" if method in FORMULATIONS else method
@@ -59,7 +63,7 @@ def _panel(axes: Axes, found: Sequence[Point]) -> None:
     axes.set(xscale="log", yscale="log", xlabel="time to plan, ms of one processor")
     axes.xaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_major_formatter("{x:g}")
-    name_lines(axes, room=0.34, apart=0.06)
+    name_lines(axes, room=0.3, apart=0.06)
     without_box(axes)
 
 

@@ -35,10 +35,10 @@ def test_frontier_tells_the_least_and_the_largest_ratio_and_who_is_soonest():
         ]
     )
     assert frontier.title(found) == (
-        "Same accuracy, 20 to 120 times sooner than by Ipopt; Ruckig is soonest, 25 % too slow"
+        "As accurate 20 to 120 times sooner than by Ipopt; Ruckig soonest, 25 % too slow"
     )
     without = [point for point in found if point.method != "Ruckig"]
-    assert frontier.title(without) == "Same accuracy, 20 to 120 times sooner than by Ipopt"
+    assert frontier.title(without) == "As accurate 20 to 120 times sooner than by Ipopt"
 
 
 def test_digits_name_the_models_that_never_lose_any():
@@ -88,7 +88,7 @@ def test_smoother_names_the_ways_with_the_longest_ramps():
         smoother.Smoothed("limit", SimpleNamespace(), 20.0, 25.0),
         smoother.Smoothed("cost", SimpleNamespace(), 5.0, 40.0),
     ]
-    said = "Longest ramps: by a limit at the least, by a cost usually"
+    said = "Longest ramps at the least: limit; usually: cost"
     assert smoother.title(found) == said
 
 
