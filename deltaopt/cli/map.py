@@ -34,21 +34,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    cell, ranges = load_cell(arguments.scene), dict[str, tuple[float, ...]]()
-    for axis, name in zip("xyz", AXES, strict=True):
-        given = getattr(arguments, axis)
-        if given is not None:
-            ranges[name] = _range(axis, given, is_region=arguments.moves is not None)
-    if arguments.moves is None:
-        name, points = f"{arguments.scene.stem}_map", cell.places(ranges)
+    cell, stem, of_moves = load_cell(arguments.scene), arguments.scene.stem, bool(arguments.moves)
+    ranges = {axis: _range(axis, getattr(arguments, axis), of_moves) for axis in "xyz"}
+    if of_moves:
+        points = cell.moves(arguments.moves, **ranges, seed=arguments.seed)
     else:
-        name, points = (
-            f"{arguments.scene.stem}_moves",
-            cell.moves(arguments.moves, ranges, arguments.seed),
-        )
+        points = cell.places(**ranges)
+    name = f"{stem}_{'moves' if of_moves else 'map'}"
     file, table = filled(arguments, name, points)
     durations = numbers(table, "duration")
-    of_moves = arguments.moves is not None
     print("\n".join(told(table, ENDS if of_moves else AXES, "duration", worst=of_moves)))
     if not np.isfinite(durations).any():
         return 1
@@ -69,14 +63,14 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _range(axis: str, given: list[float], is_region: bool) -> tuple[float, ...]:
+def _range(axis: str, given: list[float] | None, is_region: bool) -> tuple[float, ...]:
     """Raises WrongUsage for what is no range."""
-    most = 2 if is_region else 3
-    steps = given[2] if len(given) > 2 else 2
+    if given is None:
+        return ()
+    fewest, most = (2, 2) if is_region else (1, 3)
     rises = len(given) < 2 or given[0] < given[1]
-    if not (rises and len(given) <= most and steps in range(2, 1000)) or (
-        is_region and len(given) < 2
-    ):
+    counts = len(given) < 3 or given[2] in range(2, 1000)
+    if not (fewest <= len(given) <= most and rises and counts):
         expected = "FROM TO" if is_region else "a number, FROM TO, or FROM TO STEPS"
         raise WrongUsage(f"--{axis} is {' '.join(map(str, given))}; it must be {expected}, in m")
     return tuple(given)

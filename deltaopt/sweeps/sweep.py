@@ -29,14 +29,15 @@ Progress = Callable[[float, str], None]
 
 
 def sweep(
-    what: Sweep | str | Path,
+    what: Sweep | Points | str | Path,
     file: str | Path,
     *,
     executor: Executor | None = None,
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> Any:
-    """Plan all points of a sweep, or of its file, and return the table of the plans.
+    """Plan all points of a sweep, of its file, or of a map, such as ``load_cell(file).places()``,
+    and return the table of the plans.
 
     ``file``: the CSV file to which rows are added as they come; where it ends in .parquet, the CSV
     file beside it, from which it is made in the end. Points that have a row there already are not
@@ -48,7 +49,9 @@ def sweep(
     pandas numbers that are not there are nan. A point without a plan is a row with its ``error``.
     Raises SceneError for a sweep, and OtherTable for a file, that cannot be used.
     """
-    points = what.points_from(Path()) if isinstance(what, Sweep) else load_sweep(what)[1]
+    if isinstance(what, Sweep):
+        what = what.points_from(Path())
+    points = what if isinstance(what, Points) else load_sweep(what)[1]
     start = processes(workers)
     if executor is not None:
         given = Workers(executor, workers or 1)
