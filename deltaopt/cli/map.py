@@ -11,17 +11,17 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from deltaopt.cli.arguments import WrongUsage, large_number, seed
-from deltaopt.cli.streams import present, print_written
 from deltaopt.cli.sweep import add_how, filled
 from deltaopt.sweeps.cell_map import AXES, ENDS, load_cell
-from deltaopt.sweeps.findings import numbers, quantiles, told
-from deltaopt.sweeps.table import Columns
+from deltaopt.sweeps.findings import quantiles, told
 
 _NEARLY = 1.05
+_DRAWN = ("duration", "rms_share", "singularity")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,24 +42,23 @@ def run(arguments: argparse.Namespace) -> int:
         points = cell.places(**ranges)
     name = f"{stem}_{'moves' if of_moves else 'map'}"
     file, table = filled(arguments, name, points)
-    durations = numbers(table, "duration")
-    print("\n".join(told(table, ENDS if of_moves else AXES, "duration", worst=of_moves)))
-    if not np.isfinite(durations).any():
+    print("\n".join(told(table, points.keys, "duration", worst=of_moves)))
+    if table["duration"].isna().all():
         return 1
-    message = _moves_in_words(durations) if of_moves else _places_in_words(table, durations)
-    print("\n".join([*(quantiles(table) if of_moves else ()), message]))
-    picture, before = file.with_suffix(".png"), present(file.parent)
+    if of_moves:
+        print(quantiles(table))
+    message = (_moves_in_words if of_moves else _places_in_words)(table)
+    print(f"{message}\nrows and picture: {file.with_suffix('')}.*")
     if not arguments.no_plot:
         from deltaopt.plots.sweeps import draw_map, draw_moves
 
+        picture = file.with_suffix(".png")
         if of_moves:
-            start, goal = np.split(np.array([numbers(table, name) for name in ENDS]), 2)
-            draw_moves(picture, message, table, np.linalg.norm(goal - start, axis=0))
+            start, goal = np.split(table[[*ENDS]].to_numpy(), 2, axis=1)
+            draw_moves(picture, message, table["duration"], np.linalg.norm(goal - start, axis=1))
         else:
-            shown = ("duration", "rms_share", "singularity")
-            there = [each for each in shown if np.isfinite(numbers(table, each)).any()]
-            draw_map(picture, message, table, there)
-    print_written([file, *([] if arguments.no_plot else [picture])], before - {file})
+            drawn = [each for each in _DRAWN if table[each].notna().any()]
+            draw_map(picture, message, table, drawn)
     return 0
 
 
@@ -76,16 +75,16 @@ def _range(axis: str, given: list[float] | None, is_region: bool) -> tuple[float
     return tuple(given)
 
 
-def _places_in_words(table: Columns, durations: np.ndarray) -> str:
-    best = int(np.nanargmin(durations))
-    x, y, z = (table[name][best] for name in AXES)
-    near = int((durations <= _NEARLY * durations[best]).sum())
+def _places_in_words(table: Any) -> str:
+    best = table.loc[table["duration"].idxmin()]
+    duration, x, y, z = best[["duration", *AXES]]
+    near = (table["duration"] <= _NEARLY * duration).sum()
     return (
-        f"Fastest {x:.3g} m below the base at y = {y:.3g}, z = {z:.3g} m: {durations[best]:.3f} s; "
-        f"at most 5 % slower at {near} of {len(durations)} places, white: cannot be done"
+        f"Fastest {x:.3g} m below the base at y = {y:.3g}, z = {z:.3g} m: {duration:.3f} s; "
+        f"at most 5 % slower at {near} of {len(table)} places, white: cannot be done"
     )
 
 
-def _moves_in_words(durations: np.ndarray) -> str:
-    middle, slow = np.nanpercentile(durations, [50, 90])
+def _moves_in_words(table: Any) -> str:
+    middle, slow = table["duration"].quantile([0.5, 0.9])
     return f"Half of the moves take less than {middle:.3f} s, nine in ten less than {slow:.3f} s"

@@ -9,6 +9,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from deltaopt.errors import installed
 from deltaopt.sweeps.points import Points
 from deltaopt.sweeps.row import Task
 from deltaopt.sweeps.run import Start, Workers, processes, rows
@@ -18,8 +19,8 @@ from deltaopt.sweeps.table import (
     PARQUET,
     OtherTable,
     Table,
-    columns_of,
     csv_of,
+    read,
     table,
     write_parquet,
 )
@@ -45,10 +46,10 @@ def sweep(
     Dask cluster, ``workers`` of them at once; by default so many processes of this machine, one for
     each of its processors. ``progress``: such as ``ProgressBar()``.
 
-    The table is a pandas DataFrame, or a dictionary of lists where pandas is not installed; without
-    pandas numbers that are not there are nan. A point without a plan is a row with its ``error``.
-    Raises SceneError for a sweep, and OtherTable for a file, that cannot be used.
+    The table is a pandas DataFrame. A point without a plan is a row with its ``error``. Raises
+    SceneError for a sweep, and OtherTable for a file, that cannot be used, and MissingPackage.
     """
+    installed("pandas", "sweep")  # before any work
     if isinstance(what, Sweep):
         what = what.points_from(Path())
     points = what if isinstance(what, Points) else load_sweep(what)[1]
@@ -57,7 +58,7 @@ def sweep(
         given = Workers(executor, workers or 1)
         start = lambda: nullcontext(given)  # noqa: E731  # it has no name of its own
     fill(Path(file), points, start, progress)
-    return columns_of(Path(file))
+    return read(Path(file))
 
 
 def fill(file: Path, points: Points, start: Start, progress: Progress | None = None) -> None:

@@ -7,7 +7,6 @@ import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from math import nan
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -17,8 +16,6 @@ from deltaopt.files.csv_table import csv_text
 from deltaopt.files.output_folder import locked
 
 PARQUET = ".parquet"
-Columns = Mapping[str, Sequence[Any]]
-"""Of a table, by name: numbers, nan where there is none, or texts."""
 
 
 class OtherTable(Unusable):
@@ -106,36 +103,15 @@ def _whole_lines(file: Path) -> int:
     return 0
 
 
-def columns_of(file: Path) -> Any:
-    """A table in the order of its points: a pandas DataFrame, or a dictionary of lists where pandas
-    is not installed, of numbers, nan where there is none, or of texts."""
-    try:
-        from pandas import read_csv
-    except ImportError:
-        return read(csv_of(file))
-    return read_csv(csv_of(file)).sort_values("point", ignore_index=True)
-
-
-def read(file: Path) -> dict[str, list[Any]]:
-    """The columns of a table in the order of its points: numbers as such, nan where there is none,
-    and everything else as text."""
-    with file.open(encoding="utf-8", newline="") as opened:
-        lines = list(csv.DictReader(opened))
-    lines.sort(key=lambda line: int(line["point"]))
-    return {name: _numbers([line[name] for line in lines]) for name in (lines or [{}])[0]}
-
-
-def _numbers(entries: Sequence[str]) -> list[Any]:
-    """Entries as numbers if all of them are, or are empty; as text otherwise."""
-    try:
-        return [float(each) if each else nan for each in entries] if any(entries) else [*entries]
-    except ValueError:
-        return [*entries]
+def read(file: Path) -> Any:
+    """The rows of a table in the order of its points, as a pandas DataFrame. Raises
+    MissingPackage."""
+    rows = installed("pandas", "sweep").read_csv(csv_of(file))
+    return rows.sort_values("point", ignore_index=True)
 
 
 def write_parquet(file: Path) -> None:
     """Write a table as Parquet too, from its CSV file. Raises MissingPackage."""
-    for package in ("pandas", "pyarrow"):
-        installed(package, "parquet")
+    installed("pyarrow", "parquet")
     with atomic_write(file) as temporary:
-        columns_of(file).to_parquet(temporary)
+        read(file).to_parquet(temporary)
