@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -48,12 +47,11 @@ class Table:
         self.done = dict[int, str]()
         """The hash of the inputs of each point that has a row, by its number."""
         header = _line(columns)
-        with file.open("rb") as opened:
-            begin = opened.read(len(header))
-        if not header.startswith(begin):
+        content = file.read_bytes()
+        if not header.startswith(content[: len(header)]):
             raise OtherTable(f"{file} is not a table with the columns of this sweep; {ELSEWHERE}")
-        out.truncate(_whole_lines(file))
-        if begin != header:
+        out.truncate(content.rfind(b"\n") + 1)
+        if not content.startswith(header):
             self._write(columns)
         with file.open(encoding="utf-8", newline="") as opened_lines:
             lines = csv.reader(opened_lines)
@@ -87,20 +85,6 @@ def table(file: Path, columns: Sequence[str]) -> Iterator[Table]:
 
 def _line(entries: Sequence[str]) -> bytes:
     return csv_text(entries, ()).encode()
-
-
-def _whole_lines(file: Path) -> int:
-    """How many bytes of a file are whole lines."""
-    with file.open("rb") as opened:
-        end = opened.seek(0, os.SEEK_END)
-        while end:
-            begin = max(0, end - 65536)
-            opened.seek(begin)
-            found = opened.read(end - begin).rfind(b"\n")
-            if found >= 0:
-                return begin + found + 1
-            end = begin
-    return 0
 
 
 def read(file: Path) -> Any:
