@@ -89,6 +89,7 @@ if TYPE_CHECKING:
     from deltaopt.scene.cycle import Cycle as Cycle
     from deltaopt.scene.scene_file import load_cycle as load_cycle, load_scene as load_scene
     from deltaopt.sensitivity.sensitivity import Sensitivity as Sensitivity
+    from deltaopt.sweeps.cell_map import load_cell as load_cell
     from deltaopt.sweeps.sweep import sweep as sweep
     from deltaopt.sweeps.sweep_file import Sweep as Sweep
     from deltaopt.verify.verification import Verification as Verification, verify as verify
@@ -138,6 +139,7 @@ _PUBLIC = {
     "deltaopt.scene.cycle": ("Cycle",),
     "deltaopt.scene.scene_file": ("load_cycle", "load_scene"),
     "deltaopt.sensitivity.sensitivity": ("Sensitivity",),
+    "deltaopt.sweeps.cell_map": ("load_cell",),
     "deltaopt.sweeps.sweep": ("sweep",),
     "deltaopt.sweeps.sweep_file": ("Sweep",),
     "deltaopt.verify.verification": ("Verification", "verify"),

@@ -11,17 +11,17 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from deltaopt.cli.arguments import WrongUsage, large_number, seed
-from deltaopt.cli.streams import present, print_written
 from deltaopt.cli.sweep import add_how, filled
 from deltaopt.sweeps.cell_map import AXES, ENDS, load_cell
-from deltaopt.sweeps.findings import numbers, quantiles, told
-from deltaopt.sweeps.table import Columns
+from deltaopt.sweeps.findings import quantiles, told
 
 _NEARLY = 1.05
+_DRAWN = ("duration", "rms_share", "singularity")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,64 +34,57 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    cell, ranges = load_cell(arguments.scene), dict[str, tuple[float, ...]]()
-    for axis, name in zip("xyz", AXES, strict=True):
-        given = getattr(arguments, axis)
-        if given is not None:
-            ranges[name] = _range(axis, given, is_region=arguments.moves is not None)
-    if arguments.moves is None:
-        name, points = f"{arguments.scene.stem}_map", cell.places(ranges)
+    cell, stem, of_moves = load_cell(arguments.scene), arguments.scene.stem, bool(arguments.moves)
+    ranges = {axis: _range(axis, getattr(arguments, axis), of_moves) for axis in "xyz"}
+    if of_moves:
+        points = cell.moves(arguments.moves, **ranges, seed=arguments.seed)
     else:
-        name, points = (
-            f"{arguments.scene.stem}_moves",
-            cell.moves(arguments.moves, ranges, arguments.seed),
-        )
+        points = cell.places(**ranges)
+    name = f"{stem}_{'moves' if of_moves else 'map'}"
     file, table = filled(arguments, name, points)
-    durations = numbers(table, "duration")
-    of_moves = arguments.moves is not None
-    print("\n".join(told(table, ENDS if of_moves else AXES, "duration", worst=of_moves)))
-    if not np.isfinite(durations).any():
+    print("\n".join(told(table, points.keys, "duration", worst=of_moves)))
+    if table["duration"].isna().all():
         return 1
-    message = _moves_in_words(durations) if of_moves else _places_in_words(table, durations)
-    print("\n".join([*(quantiles(table) if of_moves else ()), message]))
-    picture, before = file.with_suffix(".png"), present(file.parent)
+    if of_moves:
+        print(quantiles(table))
+    message = (_moves_in_words if of_moves else _places_in_words)(table)
+    print(f"{message}\nrows and picture: {file.with_suffix('')}.*")
     if not arguments.no_plot:
         from deltaopt.plots.sweeps import draw_map, draw_moves
 
+        picture = file.with_suffix(".png")
         if of_moves:
-            start, goal = np.split(np.array([numbers(table, name) for name in ENDS]), 2)
-            draw_moves(picture, message, table, np.linalg.norm(goal - start, axis=0))
+            start, goal = np.split(table[[*ENDS]].to_numpy(), 2, axis=1)
+            draw_moves(picture, message, table["duration"], np.linalg.norm(goal - start, axis=1))
         else:
-            shown = ("duration", "rms_share", "singularity")
-            there = [each for each in shown if np.isfinite(numbers(table, each)).any()]
-            draw_map(picture, message, table, there)
-    print_written([file, *([] if arguments.no_plot else [picture])], before - {file})
+            drawn = [each for each in _DRAWN if table[each].notna().any()]
+            draw_map(picture, message, table, drawn)
     return 0
 
 
-def _range(axis: str, given: list[float], is_region: bool) -> tuple[float, ...]:
+def _range(axis: str, given: list[float] | None, is_region: bool) -> tuple[float, ...]:
     """Raises WrongUsage for what is no range."""
-    most = 2 if is_region else 3
-    steps = given[2] if len(given) > 2 else 2
+    if given is None:
+        return ()
+    fewest, most = (2, 2) if is_region else (1, 3)
     rises = len(given) < 2 or given[0] < given[1]
-    if not (rises and len(given) <= most and steps in range(2, 1000)) or (
-        is_region and len(given) < 2
-    ):
+    counts = len(given) < 3 or given[2] in range(2, 1000)
+    if not (fewest <= len(given) <= most and rises and counts):
         expected = "FROM TO" if is_region else "a number, FROM TO, or FROM TO STEPS"
         raise WrongUsage(f"--{axis} is {' '.join(map(str, given))}; it must be {expected}, in m")
     return tuple(given)
 
 
-def _places_in_words(table: Columns, durations: np.ndarray) -> str:
-    best = int(np.nanargmin(durations))
-    x, y, z = (table[name][best] for name in AXES)
-    near = int((durations <= _NEARLY * durations[best]).sum())
+def _places_in_words(table: Any) -> str:
+    best = table.loc[table["duration"].idxmin()]
+    duration, x, y, z = best[["duration", *AXES]]
+    near = (table["duration"] <= _NEARLY * duration).sum()
     return (
-        f"Fastest {x:.3g} m below the base at y = {y:.3g}, z = {z:.3g} m: {durations[best]:.3f} s; "
-        f"at most 5 % slower at {near} of {len(durations)} places, white: cannot be done"
+        f"Fastest {x:.3g} m below the base at y = {y:.3g}, z = {z:.3g} m: {duration:.3f} s; "
+        f"at most 5 % slower at {near} of {len(table)} places, white: cannot be done"
     )
 
 
-def _moves_in_words(durations: np.ndarray) -> str:
-    middle, slow = np.nanpercentile(durations, [50, 90])
+def _moves_in_words(table: Any) -> str:
+    middle, slow = table["duration"].quantile([0.5, 0.9])
     return f"Half of the moves take less than {middle:.3f} s, nine in ten less than {slow:.3f} s"

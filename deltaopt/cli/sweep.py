@@ -13,18 +13,17 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-
-import numpy as np
+from typing import Any
 
 from deltaopt.cli.arguments import folder, one_or_more
-from deltaopt.cli.streams import present, print_written
+from deltaopt.errors import installed
 from deltaopt.files.progress_bar import ProgressBar
-from deltaopt.sweeps.findings import message, not_dominated, numbers, told, varied_keys
+from deltaopt.sweeps.findings import best_compromises, message, told, varied
 from deltaopt.sweeps.points import Points
 from deltaopt.sweeps.run import cluster, processes
 from deltaopt.sweeps.sweep import fill
 from deltaopt.sweeps.sweep_file import load_sweep
-from deltaopt.sweeps.table import Columns, csv_of, read
+from deltaopt.sweeps.table import read
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,36 +54,30 @@ def add_how(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-plot", action="store_true", help="draw no picture")
 
 
-def filled(arguments: argparse.Namespace, name: str, points: Points) -> tuple[Path, Columns]:
-    """The table of all points, planned now where they are not there: its file and its columns."""
+def filled(arguments: argparse.Namespace, name: str, points: Points) -> tuple[Path, Any]:
+    """The table of all points, planned now where they are not there: its file and its rows."""
+    installed("pandas", "sweep")  # before any work
     file = arguments.output or Path("out") / f"{name}.csv"
     start = cluster(arguments.scheduler) if arguments.scheduler else processes(arguments.workers)
     fill(file, points, start, ProgressBar())
-    return file, read(csv_of(file))
+    return file, read(file)
 
 
 def run(arguments: argparse.Namespace) -> int:
     sweep, points = load_sweep(arguments.sweep)
     file, table = filled(arguments, arguments.sweep.stem, points)
-    names = ["scene", "robot"] if "robot" in table else ["scene"]
-    keys, series = varied_keys(table, [*names, *points.keys])
+    keys, series = varied(table, [*points.bases[0].name, *points.keys])
     print("\n".join(told(table, keys, sweep.column, series)))
-    values = numbers(table, sweep.column)
-    if not np.isfinite(values).any():
+    if table[sweep.column].isna().all():
         return 1
-    pictures = list[Path]()
-    before = present(file.parent)
-    if not arguments.no_plot and (keys or sweep.pareto):
+    if not arguments.no_plot and keys:
         from deltaopt.plots.sweeps import draw_pareto, draw_sweep
 
-        if keys:
-            pictures.append(file.with_suffix(".png"))
-            title = message(table, [*series, *keys], sweep.column)
-            draw_sweep(pictures[-1], title, table, keys, sweep.column, series)
+        title = message(table, [*series, *keys], sweep.column)
+        draw_sweep(file.with_suffix(".png"), title, table, keys, sweep.column, series)
         if sweep.pareto:
-            pictures.append(file.with_suffix(".pareto.png"))
-            best = not_dominated(*(numbers(table, each) for each in sweep.pareto))
-            title = f"{best.sum()} of {len(best)} plans are best compromises"
-            draw_pareto(pictures[-1], title, table, sweep.pareto, best)
-    print_written([file, *pictures], before - {file})
+            best = best_compromises(table, sweep.pareto)
+            title = f"{len(best)} of {len(table)} plans are best compromises"
+            draw_pareto(file.with_suffix(".pareto.png"), title, table, sweep.pareto, best)
+    print(f"rows and pictures: {file.with_suffix('')}.*")
     return 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -42,8 +42,9 @@ _LOOKED = 25
 _DRAWN = 32
 """Random moves that are drawn for each that is asked for: some are out of reach."""
 
-Ranges = Mapping[str, tuple[float, ...]]
-"""By axis: one value in m, or the first and the last, and how many there are between them."""
+Range = Sequence[float]
+"""One place along an axis, m, or the first and the last, and how many there are; empty for all that
+is possible."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class Cell:
 
     base: Base
 
-    def places(self, ranges: Ranges) -> Points:
+    def places(self, x: Range = (), y: Range = (), z: Range = ()) -> Points:
         """The move with its middle at the places of a grid: in ranges, and where an axis has none,
         in the region in which its ends can be. Raises Infeasible if there is none."""
         middles = self._region(ends_of(self.base.content))
@@ -62,14 +63,17 @@ class Cell:
         middles = middles[(middles[:, 0] >= high) & (middles[:, 0] <= low)]
         least, most = middles.min(axis=0), middles.max(axis=0)
         axes = list[list[Changes]]()
-        for axis, *usual in zip(AXES, least.tolist(), most.tolist(), _STEPS, strict=True):
-            begin, *rest = ranges.get(axis, tuple(usual))
+        ends = zip(least.tolist(), most.tolist(), _STEPS, strict=True)
+        for axis, given, usual in zip(AXES, (x, y, z), ends, strict=True):
+            begin, *rest = given or usual
             end, number = (*rest, usual[2])[:2] if rest else (begin, 1)
             values = np.linspace(begin, end, int(number)).round(_DIGITS) + 0.0
             axes.append([{axis: value} for value in values.tolist()])
         return Points([self.base], axes, AXES)
 
-    def moves(self, number: int, ranges: Ranges, seed: int) -> Points:
+    def moves(
+        self, number: int, x: Range = (), y: Range = (), z: Range = (), seed: int = 1
+    ) -> Points:
         """Random moves between points in a region at which the robot can be at rest.
 
         Raises Infeasible if there are hardly any, and MissingPackage without scipy.
@@ -80,9 +84,9 @@ class Cell:
         ends = dict[str, Any]()
         for name in ENDS:
             axis = int(name[-1])
-            least, most = region[:, axis].min(), region[:, axis].max()
-            values = ranges.get(AXES[axis], (float(least), float(most)))
-            ends[name] = {"from": values[0], "to": values[1]}
+            least, most = float(region[:, axis].min()), float(region[:, axis].max())
+            begin, end, *_ = (x, y, z)[axis] or (least, most)
+            ends[name] = {"from": begin, "to": end}
         drawn = Samples(ranges=ends, number=_DRAWN * number, seed=seed).drawn
         points = np.array([[*each.values()] for each in drawn])
         sure = are_surely_feasible(self._scene, points.reshape(-1, 3)).reshape(-1, 2)

@@ -23,7 +23,7 @@ from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import made_of
 from deltaopt.scene.task import MovingEnds
 from deltaopt.sweeps.keys import changed
-from deltaopt.verify.duty import Duty
+from deltaopt.verify.cycle import CycleVerification
 from deltaopt.verify.verification import Verification
 
 FACTS = (
@@ -81,40 +81,23 @@ Leg = tuple[Scene, Trajectory, Verification]
 
 def _of_motion(scene: Scene, tolerance: float) -> Row:
     told = facts(plan(scene, tolerance=tolerance))
-    legs = [(scene, told.trajectory, told.verification)]
     duration, goes_back = told.trajectory.duration, not isinstance(scene.task, MovingEnds)
-    return {
-        "duration": duration,
-        "parts_per_minute": 30 / duration if goes_back else None,
-        **_of_duty(told.verification.duty),
-        **_of_legs(legs),
-        **_judged(told.verification.failures()),
-        "gap": told.found.gap,
-    }
+    parts = 30 / duration if goes_back else None
+    legs = [(scene, told.trajectory, told.verification)]
+    row = {"duration": duration, "parts_per_minute": parts, "gap": told.found.gap}
+    return row | _of_legs(legs) | _judged(told.verification)
 
 
 def _of_cycle(cycle: Cycle, tolerance: float) -> Row:
     found = plan_cycle(cycle, tolerance=tolerance)
-    verification = verified(found)
+    verification, parts = verified(found), found.parts_per_minute
     pairs = zip(found.legs, verification.legs, strict=True)
-    of_legs = _of_legs([(leg.scene, leg.trajectory, each) for leg, each in pairs])
+    legs = [(leg.scene, leg.trajectory, each) for leg, each in pairs]
+    row: Row = {"duration": found.period, "parts_per_minute": parts, "gap": found.gap}
+    row |= _of_legs(legs) | _judged(verification)
     if max(found.prices) > 0:
-        of_legs["limited_by"] = f"RMS torque of motor {int(np.argmax(found.prices)) + 1}"
-    return {
-        "duration": found.period,
-        "parts_per_minute": found.parts_per_minute,
-        **_of_duty(verification.duty),
-        **of_legs,
-        **_judged(verification.failures()),
-        "gap": found.gap,
-    }
-
-
-def _of_duty(duty: Duty | None) -> Row:
-    if duty is None or duty.rated_torque is None:
-        return {}
-    pairs = zip(duty.motors, duty.rated_torque, strict=True)
-    return {"rms_share": max(motor.rms_torque / rated for motor, rated in pairs)}
+        row["limited_by"] = f"RMS torque of motor {int(np.argmax(found.prices)) + 1}"
+    return row
 
 
 def _of_legs(legs: Sequence[Leg]) -> Row:
@@ -135,7 +118,12 @@ def _of_legs(legs: Sequence[Leg]) -> Row:
     }
 
 
-def _judged(failures: Sequence[str]) -> Row:
-    if not failures:
-        return {"verified": "yes"}
-    return {"verified": "no", "error": f"verification failed: {'; '.join(failures)}"}
+def _judged(verification: Verification | CycleVerification) -> Row:
+    duty, failures = verification.duty, verification.failures()
+    row: Row = {"verified": "no" if failures else "yes"}
+    if failures:
+        row["error"] = f"verification failed: {'; '.join(failures)}"
+    if duty is not None and duty.rated_torque is not None:
+        pairs = zip(duty.motors, duty.rated_torque, strict=True)
+        row["rms_share"] = max(motor.rms_torque / rated for motor, rated in pairs)
+    return row

@@ -9,6 +9,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from deltaopt.errors import installed
 from deltaopt.sweeps.points import Points
 from deltaopt.sweeps.row import Task
 from deltaopt.sweeps.run import Start, Workers, processes, rows
@@ -18,8 +19,8 @@ from deltaopt.sweeps.table import (
     PARQUET,
     OtherTable,
     Table,
-    columns_of,
     csv_of,
+    read,
     table,
     write_parquet,
 )
@@ -29,14 +30,15 @@ Progress = Callable[[float, str], None]
 
 
 def sweep(
-    what: Sweep | str | Path,
+    what: Sweep | Points | str | Path,
     file: str | Path,
     *,
     executor: Executor | None = None,
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> Any:
-    """Plan all points of a sweep, or of its file, and return the table of the plans.
+    """Plan all points of a sweep, of its file, or of a map, such as ``load_cell(file).places()``,
+    and return the table of the plans.
 
     ``file``: the CSV file to which rows are added as they come; where it ends in .parquet, the CSV
     file beside it, from which it is made in the end. Points that have a row there already are not
@@ -44,17 +46,19 @@ def sweep(
     Dask cluster, ``workers`` of them at once; by default so many processes of this machine, one for
     each of its processors. ``progress``: such as ``ProgressBar()``.
 
-    The table is a pandas DataFrame, or a dictionary of lists where pandas is not installed; without
-    pandas numbers that are not there are nan. A point without a plan is a row with its ``error``.
-    Raises SceneError for a sweep, and OtherTable for a file, that cannot be used.
+    The table is a pandas DataFrame. A point without a plan is a row with its ``error``. Raises
+    SceneError for a sweep, and OtherTable for a file, that cannot be used, and MissingPackage.
     """
-    points = what.points_from(Path()) if isinstance(what, Sweep) else load_sweep(what)[1]
+    installed("pandas", "sweep")  # before any work
+    if isinstance(what, Sweep):
+        what = what.points_from(Path())
+    points = what if isinstance(what, Points) else load_sweep(what)[1]
     start = processes(workers)
     if executor is not None:
         given = Workers(executor, workers or 1)
         start = lambda: nullcontext(given)  # noqa: E731  # it has no name of its own
     fill(Path(file), points, start, progress)
-    return columns_of(Path(file))
+    return read(Path(file))
 
 
 def fill(file: Path, points: Points, start: Start, progress: Progress | None = None) -> None:

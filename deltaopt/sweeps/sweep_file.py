@@ -57,12 +57,7 @@ class Samples(Record):
     @property
     def ends(self) -> dict[str, tuple[float, float]]:
         """Of each range. Raises SceneError."""
-        return {key: _ends(f"ranges.{key}", given) for key, given in self.ranges.items()}
-
-    @model_validator(mode="after")
-    def _has_ranges(self) -> Self:
-        assert self.ends
-        return self
+        return {key: _ends(f"samples.ranges.{key}", given) for key, given in self.ranges.items()}
 
     @property
     def drawn(self) -> list[Changes]:
@@ -105,8 +100,7 @@ class Sweep(Record):
     def _has_columns(self) -> Self:
         known = {*self.headers, *FACTS}
         for key, given in (("column", [self.column]), ("pareto", self.pareto or ())):
-            unknown = next((each for each in given if each not in known), None)
-            if unknown is not None:
+            for unknown in set(given) - known:
                 raise SceneError(None, key, unknown, f"one of {', '.join(sorted(known))}")
         return self
 

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from math import nan
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -17,8 +15,6 @@ from deltaopt.files.csv_table import csv_text
 from deltaopt.files.output_folder import locked
 
 PARQUET = ".parquet"
-Columns = Mapping[str, Sequence[Any]]
-"""Of a table, by name: numbers, nan where there is none, or texts."""
 
 
 class OtherTable(Unusable):
@@ -51,12 +47,11 @@ class Table:
         self.done = dict[int, str]()
         """The hash of the inputs of each point that has a row, by its number."""
         header = _line(columns)
-        with file.open("rb") as opened:
-            begin = opened.read(len(header))
-        if not header.startswith(begin):
+        content = file.read_bytes()
+        if not header.startswith(content[: len(header)]):
             raise OtherTable(f"{file} is not a table with the columns of this sweep; {ELSEWHERE}")
-        out.truncate(_whole_lines(file))
-        if begin != header:
+        out.truncate(content.rfind(b"\n") + 1)
+        if not content.startswith(header):
             self._write(columns)
         with file.open(encoding="utf-8", newline="") as opened_lines:
             lines = csv.reader(opened_lines)
@@ -92,50 +87,15 @@ def _line(entries: Sequence[str]) -> bytes:
     return csv_text(entries, ()).encode()
 
 
-def _whole_lines(file: Path) -> int:
-    """How many bytes of a file are whole lines."""
-    with file.open("rb") as opened:
-        end = opened.seek(0, os.SEEK_END)
-        while end:
-            begin = max(0, end - 65536)
-            opened.seek(begin)
-            found = opened.read(end - begin).rfind(b"\n")
-            if found >= 0:
-                return begin + found + 1
-            end = begin
-    return 0
-
-
-def columns_of(file: Path) -> Any:
-    """A table in the order of its points: a pandas DataFrame, or a dictionary of lists where pandas
-    is not installed, of numbers, nan where there is none, or of texts."""
-    try:
-        from pandas import read_csv
-    except ImportError:
-        return read(csv_of(file))
-    return read_csv(csv_of(file)).sort_values("point", ignore_index=True)
-
-
-def read(file: Path) -> dict[str, list[Any]]:
-    """The columns of a table in the order of its points: numbers as such, nan where there is none,
-    and everything else as text."""
-    with file.open(encoding="utf-8", newline="") as opened:
-        lines = list(csv.DictReader(opened))
-    lines.sort(key=lambda line: int(line["point"]))
-    return {name: _numbers([line[name] for line in lines]) for name in (lines or [{}])[0]}
-
-
-def _numbers(entries: Sequence[str]) -> list[Any]:
-    """Entries as numbers if all of them are, or are empty; as text otherwise."""
-    try:
-        return [float(each) if each else nan for each in entries] if any(entries) else [*entries]
-    except ValueError:
-        return [*entries]
+def read(file: Path) -> Any:
+    """The rows of a table in the order of its points, as a pandas DataFrame. Raises
+    MissingPackage."""
+    rows = installed("pandas", "sweep").read_csv(csv_of(file))
+    return rows.sort_values("point", ignore_index=True)
 
 
 def write_parquet(file: Path) -> None:
     """Write a table as Parquet too, from its CSV file. Raises MissingPackage."""
-    for package in ("pandas", "pyarrow"):
-        installed(package, "parquet")
+    installed("pyarrow", "parquet")
     with atomic_write(file) as temporary:
-        columns_of(file).to_parquet(temporary)
+        read(file).to_parquet(temporary)

@@ -1,0 +1,117 @@
+"""The commands map and sweep, as they are typed."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import deltaopt
+from deltaopt.cli import main
+
+ROBOT = "problems/robots/industrial.yaml"
+
+
+def columns(file, *names):
+    with file.open(newline="") as opened:
+        found = sorted(csv.DictReader(opened), key=lambda row: int(row["point"]))
+    return [np.array([float(row[name] or "nan") for row in found]) for name in names]
+
+
+def test_a_map_has_the_symmetry_of_the_robot(tmp_path, capsys):
+    """Chain 1 lies in the plane z = 0, along which the usual move is; 3 m below there is none."""
+    file = tmp_path / "map.csv"
+    where = ["--x", "0.7", "0.8", "2", "--y", "0", "--z", "-0.2", "0.2", "3"]
+    assert main(["map", ROBOT, *where, "-o", str(file), "--workers", "1"]) == 0
+    x, z, duration = columns(file, "place.x", "place.z", "duration")
+    assert x.tolist() == [0.7] * 3 + [0.8] * 3
+    assert z.tolist() == [-0.2, 0, 0.2] * 2
+    left, middle, right = duration.reshape(2, 3).T
+    assert left == pytest.approx(right, rel=2e-3)
+    assert (middle != left).all()
+    told = capsys.readouterr().out
+    assert "6 of 6 points have a plan" in told
+    best = int(duration.argmin())
+    assert f"Fastest {x[best]:.3g} m below the base at y = 0, z = {z[best]:.3g} m" in told
+    assert file.with_suffix(".png").stat().st_size > 10_000
+    assert (
+        main(["map", ROBOT, "--x", "3", "--y", "0", "--z", "0", "-o", str(tmp_path / "no.csv")])
+        == 1
+    )
+
+
+def test_random_moves_begin_and_end_in_their_region(tmp_path, capsys):
+    pytest.importorskip("scipy")
+    file = tmp_path / "moves.csv"
+    region = ["--x", "0.7", "0.8", "--y", "-0.2", "0.1", "--z", "0.0", "0.2"]
+    asked = ["map", ROBOT, "--moves", "4", *region, "-o", str(file), "--workers", "1"]
+    assert main(asked) == 0
+    ends = np.array(columns(file, *(f"{e}.{k}" for e in ("start", "goal") for k in range(3))))
+    assert ends.shape == (6, 4)
+    least, most = np.tile([0.7, -0.2, 0], 2), np.tile([0.8, 0.1, 0.2], 2)
+    assert ((least[:, None] <= ends) & (ends <= most[:, None])).all()
+    (duration,) = columns(file, "duration")
+    scene = deltaopt.Scene(
+        robot=deltaopt.load_robot(ROBOT),
+        payload=1.0,
+        start=tuple(ends[:3, 1]),
+        goal=tuple(ends[3:, 1]),
+    )
+    assert duration[1] == pytest.approx(deltaopt.plan(scene).duration, rel=1e-6)
+    told = capsys.readouterr().out
+    assert f"less than {np.median(duration):.3f} s" in told
+
+
+def test_a_sweep_draws_its_keys_and_the_best_compromises(tmp_path, capsys):
+    sweep, file = tmp_path / "sweep.yaml", tmp_path / "rows.csv"
+    sweep.write_text(
+        f"scene: {Path('problems/pick_and_place.yaml').resolve()}\n"
+        "grid: {payload: [500 g, 1 kg], limits.torque: [9, 10 N*m]}\n"
+        "pareto: [duration, limits.torque]\n"
+    )
+    for _ in range(2):  # then from the table alone
+        assert main(["sweep", str(sweep), "-o", str(file), "--workers", "1"]) == 0
+        told = capsys.readouterr().out
+        duration, torque = columns(file, "duration", "limits.torque")
+        best = int(duration.argmin())
+        (first,) = (line for line in told.splitlines() if "+0.0 %" in line)
+        assert first.split()[0] == str(best)
+        assert file.with_suffix(".png").exists()
+        assert file.with_suffix(".pareto.png").exists()
+    dominated = [
+        ((duration <= t) & (torque <= c) & ((duration < t) | (torque < c))).any()
+        for t, c in zip(duration, torque, strict=True)
+    ]
+    assert dominated == [False, False, True, True]
+    from deltaopt.sweeps.findings import best_compromises
+    from deltaopt.sweeps.table import read
+
+    best = best_compromises(read(file), ("duration", "limits.torque"))
+    assert sorted(best["point"]) == [0, 1]
+
+
+def test_what_cannot_be_used_is_told_before_any_work(tmp_path, capsys):
+    sweep = tmp_path / "sweep.yaml"
+    sweep.write_text("scene: nowhere.yaml\n")
+    assert main(["sweep", str(sweep), "-o", str(tmp_path / "rows.csv")]) == 2
+    assert main(["map", ROBOT, "--x", "0.8", "0.7"]) == 2
+    assert main(["map", ROBOT, "--moves", "3", "--x", "0.8"]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 3
+    assert "nowhere.yaml" in said[0]
+    assert said[1:] == [
+        "deltaopt: --x is 0.8 0.7; it must be a number, FROM TO, or FROM TO STEPS, in m",
+        "deltaopt: --x is 0.8; it must be FROM TO, in m",
+    ]
+    assert not list(tmp_path.glob("*.csv"))
+
+
+def test_a_table_as_parquet_has_the_same_rows(tmp_path):
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow")
+    sweep = deltaopt.Sweep(scene="problems/pick_and_place.yaml", grid={"payload": [0.5, 1.0]})
+    found = deltaopt.sweep(sweep, tmp_path / "rows.parquet", workers=1)
+    pandas.testing.assert_frame_equal(pandas.read_parquet(tmp_path / "rows.parquet"), found)
+    assert found["payload"].tolist() == [0.5, 1.0]
