@@ -16,12 +16,14 @@ from tests.oracles.body_distances import tool_distances
 
 _SLOW = (0.5, 4.0)
 """Seconds for a straight leg that are tried."""
-_TRIES, _SAMPLES = 60, np.linspace(0.0, 1.0, 60)[:, None]
+_TRIES, _SAMPLES = 30, np.linspace(0.0, 1.0, 60)[:, None]
 """Ways of each leg that are tried, and where along each piece a tool is looked at."""
 _SOON = np.geomspace(0.02, 1.0, 8)
 """Durations of stops and run-ups that are tried, s."""
 _MEETINGS = np.geomspace(0.3, 20.0, 8)
 """Times at which a belt may be met, s."""
+_FAR = 5.0
+"""m: no robot of the study reaches so far."""
 _ALONE = dict.fromkeys(("via", "approach", "rotation"))
 
 
@@ -43,6 +45,8 @@ def _motions(scene: Scene, rng: Generator) -> Iterator[PiecewisePolynomial]:
             end = scene.goal
             if isinstance(end, Belt):
                 at = np.array(end.at) + meeting * np.array(end.belt)
+                if np.abs(at).max() > _FAR:
+                    continue
                 end = State(at=tuple(at.tolist()), velocity=end.belt)
             for last in _ended(scene, end, forward=False):
                 begin = np.array(start) if first is None else first.at(first.knots[-1:])[0]
