@@ -11,7 +11,7 @@ import pytest
 from deltaopt import Scene, load_robot, plan, verify
 from deltaopt.cli import main
 from deltaopt.errors import NotConverged
-from deltaopt.planning.first_motions.variations import other_motions
+from deltaopt.planning.first_motions.multistart import other_motions
 from deltaopt.planning.loop import Loop
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
