@@ -43,7 +43,7 @@ def test_a_table_has_rows(picked, rate):
         picked.table(rate)
 
 
-@pytest.mark.parametrize("name", ["tolerance", "intervals", "starts", "seed"])
+@pytest.mark.parametrize("name", ["tolerance", "intervals", "starts", "seed", "exhaustive"])
 def test_true_is_no_number(name):
     with pytest.raises(TypeError, match=f"^{name} is True; it must be a "):
         deltaopt.plan(SCENE, **{name: True})

@@ -234,13 +234,13 @@ class Planner:
         if start is not None:
             scene = scene.model_copy(update={"start": _state_of(start, scene.has_rates)})
             under_way = _rest_of(start)
-        self._require_settings(scene, search)
+        self._require_settings(scene, starts, exhaustive)
         begin, journal = perf_counter(), Journal(progress or (lambda _: None))
         found = Run(self._optimiser, journal).plan(scene, under_way, near, search)
         spent = perf_counter() - begin
         return replace(found, journal=tuple(journal.entries), solve_seconds=spent)
 
-    def _require_settings(self, scene: Scene, search: Search | None) -> None:
+    def _require_settings(self, scene: Scene, starts: int, exhaustive: float | None) -> None:
         """Raise ValueError for settings that do not go with a scene."""
         task = scene.task
         if isinstance(task, OnPath):
@@ -248,7 +248,8 @@ class Planner:
                 "formulation": self.formulation,
                 "solver": self.solver,
                 "transcription": self.transcription,
-                "starts or exhaustive": search and "given",
+                "starts": starts if starts > 1 else None,
+                "exhaustive": exhaustive,
             }
             for name, value in settings.items():
                 if value is not None:

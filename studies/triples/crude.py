@@ -3,121 +3,105 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
+from functools import reduce
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.random import Generator
 
 import deltaopt
 from deltaopt import Belt, Scene, State, Trajectory
-from deltaopt.curves.piecewise import Array, PiecewisePolynomial, quintic_rest
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.robot.model import model_of
-from tests.oracles.body_distances import tool_distances
 
-_SLOW = (0.5, 4.0)
-"""Seconds for a straight leg that are tried."""
-_TRIES, _SAMPLES = 60, np.linspace(0.0, 1.0, 60)[:, None]
-"""Ways of each leg that are tried, and where along each piece a tool is looked at."""
+_SLOW = 4.0
+"""Seconds for each straight piece."""
+_TRIES = 30
+"""Ways of each leg that are tried."""
 _SOON = np.geomspace(0.02, 1.0, 8)
 """Durations of stops and run-ups that are tried, s."""
-_MEETINGS = np.geomspace(0.3, 20.0, 8)
-"""Times at which a belt may be met, s."""
+_MEETINGS, _FAR = np.geomspace(0.3, 30.0, 8), 5.0
+"""Times at which a belt may be met, s, and how far it may be then, m."""
 _ALONE = dict.fromkeys(("via", "approach", "rotation"))
 
 
 def crude_motion(scene: Scene, rng: Generator) -> Trajectory | None:
     """A motion that verification finds right; None where none is found."""
-    for found in _motions(scene, rng):
-        motion = Trajectory(found, model_of(scene.robot, scene.payload))
-        if deltaopt.verify(scene, motion).ok:
-            return motion
+    start, goal = scene.given_points[0], scene.given_points[-1]
+    places = *(point.position for point in scene.task.via), *_above(scene)
+    for meeting, end in _goals(scene):
+        for first, last in product(_ended(scene, scene.start, 1), _ended(scene, end, -1)):
+            begin = start if first is None else first.at(first.knots[-1:])[0]
+            stop = goal if last is None else last.at(last.knots[:1])[0]
+            pairs = pairwise(np.array([begin, *places, stop]))
+            found = [_leg(scene, one, other, rng) for one, other in pairs]
+            legs = [leg for leg in found if leg]
+            if len(legs) < len(found):
+                break
+            between = reduce(PiecewisePolynomial.then, legs)
+            ends = sum(float(each.knots[-1]) for each in (first, last) if each)
+            left = meeting - ends if meeting else float(between.knots[-1])
+            if left <= 0:
+                continue
+            slowed = between.slowed(left / float(between.knots[-1]))
+            parts = [each for each in (first, slowed, last) if each]
+            whole = reduce(PiecewisePolynomial.then, parts)
+            motion = Trajectory(whole, model_of(scene.robot, scene.payload))
+            if deltaopt.verify(scene, motion).ok:
+                return motion
     return None
 
 
-def _motions(scene: Scene, rng: Generator) -> Iterator[PiecewisePolynomial]:
-    start, goal = scene.given_points[0], scene.given_points[-1]
-    columns = [(each.level, each.y, each.z) for each in scene.columns]
-    between = [np.array(each) for each in (*(p.position for p in scene.task.via), *columns)]
-    for first in _ended(scene, scene.start, forward=True):
-        for meeting in _MEETINGS if isinstance(scene.goal, Belt) else (0.0,):
-            end = scene.goal
-            if isinstance(end, Belt):
-                at = np.array(end.at) + meeting * np.array(end.belt)
-                end = State(at=tuple(at.tolist()), velocity=end.belt)
-            for last in _ended(scene, end, forward=False):
-                begin = np.array(start) if first is None else first.at(first.knots[-1:])[0]
-                stop = np.array(goal) if last is None else last.at(last.knots[:1])[0]
-                for slow in _SLOW:
-                    legs = _legs(scene, [begin, *between, stop], slow, rng)
-                    if legs is None:
-                        continue
-                    parts = [each for each in (first, legs, last) if each is not None]
-                    if meeting:  # whatever is left is the time of the legs
-                        ends = sum(each.knots[-1] for each in (first, last) if each is not None)
-                        if meeting - ends < legs.knots[-1]:
-                            continue
-                        slower = legs.slowed((meeting - ends) / legs.knots[-1])
-                        parts = [slower if each is legs else each for each in parts]
-                    whole = parts[0]
-                    for part in parts[1:]:
-                        whole = whole.then(part)
-                    yield whole
-                    break
+def _above(scene: Scene) -> list[tuple[float, float, float]]:
+    return [(column.level, column.y, column.z) for column in scene.columns]
 
 
-def _ended(scene: Scene, end: object, *, forward: bool) -> Iterator[PiecewisePolynomial | None]:
-    """Stops from a state, or run-ups to one, that are right by themselves; one None at rest."""
+def _goals(scene: Scene) -> Iterator[tuple[float, object]]:
+    """When a goal is met, s, and what it is then; 0 where any time will do."""
+    if not isinstance(scene.goal, Belt):
+        yield 0.0, scene.goal
+        return
+    for meeting in _MEETINGS.tolist():
+        at = np.array(scene.goal.at) + meeting * np.array(scene.goal.belt)
+        if np.abs(at).max() < _FAR:
+            yield meeting, State(at=tuple(at.tolist()), velocity=scene.goal.belt)
+
+
+def _ended(scene: Scene, end: object, way: int) -> Iterator[PiecewisePolynomial | None]:
+    """Stops from a state (``way`` 1) or run-ups to one (-1) that are right by themselves; one None
+    at rest."""
     if not isinstance(end, State):
         yield None
         return
-    at, v, model = np.array(end.at), np.array(end.velocity), model_of(scene.robot, scene.payload)
-    for T in _SOON:
-        other = tuple((at + (0.5 if forward else -0.5) * T * v).tolist())
-        ends = {"start": end, "goal": other} if forward else {"start": other, "goal": end}
-        begin, change = (at, -T * v) if forward else (np.array(other), T * v)
-        speed = T * v if forward else np.zeros(3)
-        way = (np.array(other) - at if forward else at - np.array(other)) - speed
-        piece = np.stack([begin, speed, np.zeros(3), *quintic_rest(way, change)])
-        piece /= np.vander([T], 6, increasing=True).T
-        found = PiecewisePolynomial(np.array([0.0, T]), piece[None])
-        alone = scene.model_copy(update={**_ALONE, **ends})
-        if deltaopt.verify(alone, Trajectory(found, model)).ok:
-            yield found
+    for T in _SOON.tolist():
+        x, v = np.array([end.at, end.at]), np.array([end.velocity, np.zeros(3)])
+        x[1] += way * T / 2 * v[0]
+        quintic = PiecewisePolynomial.hermite(
+            np.array([0, T]), x[::way], v[::way], np.zeros((2, 3))
+        )
+        rest = tuple(x[1].tolist())
+        ends = {"start": end, "goal": rest} if way > 0 else {"start": rest, "goal": end}
+        if _is_right(scene.model_copy(update={**_ALONE, **ends}), quintic):
+            yield quintic
 
 
-def _legs(
-    scene: Scene, points: list[Array], slow: float, rng: Generator
-) -> PiecewisePolynomial | None:
-    """From rest to rest through all points, each leg right by itself."""
-    whole: PiecewisePolynomial | None = None
-    for one, other in pairwise(points):
-        leg = _leg(scene, one, other, slow, rng)
-        if leg is None:
-            return None
-        whole = leg if whole is None else whole.then(leg)
-    return whole
-
-
-def _leg(
-    scene: Scene, one: Array, other: Array, slow: float, rng: Generator
-) -> PiecewisePolynomial | None:
+def _leg(scene: Scene, one: Array, other: Array, rng: Generator) -> PiecewisePolynomial | None:
+    """From rest to rest, at rest at random places between."""
     ends = {"start": tuple(one.tolist()), "goal": tuple(other.tolist())}
-    alone = scene.model_copy(update={**_ALONE, **ends})
-    shapes = scene.robot.tool is not None and scene.robot.tool.shapes is not None
-    size = float(np.linalg.norm(other - one))
+    alone, size = scene.model_copy(update={**_ALONE, **ends}), float(np.linalg.norm(other - one))
     for attempt in range(_TRIES if scene.keep_out else 1):
         number = min(attempt, int(rng.integers(1, 3)))
         shares = (1 + np.arange(number)[:, None]) / (1 + number)
         aside = scene.tube / 2 if scene.tube else size * (0.1 + attempt / _TRIES)
         between = one + shares * (other - one) + aside * rng.normal(size=(number, 3))
-        places = np.array([one, *between, other])
-        if scene.keep_out and not shapes:
-            tool = np.vstack([a + _SAMPLES * (b - a) for a, b in pairwise(places)])
-            if tool_distances(scene, tool).min() < scene.least_clearance:
-                continue
-        knots, zeros = slow * np.arange(number + 2.0), np.zeros_like(places)
-        found = PiecewisePolynomial.hermite(knots, places, zeros, zeros)
-        motion = Trajectory(found, model_of(scene.robot, scene.payload))
-        if deltaopt.verify(alone, motion).ok:
+        x = np.array([one, *between, other])
+        knots, rest = np.linspace(0.0, _SLOW * (number + 1), len(x)), np.zeros_like(x)
+        found = PiecewisePolynomial.hermite(knots, x, rest, rest)
+        if _is_right(alone, found):
             return found
     return None
+
+
+def _is_right(scene: Scene, position: PiecewisePolynomial) -> bool:
+    motion = Trajectory(position, model_of(scene.robot, scene.payload))
+    return deltaopt.verify(scene, motion).ok

@@ -31,7 +31,7 @@ from studies.bench.changes import (
 )
 from studies.bench.random_scenes import random_scenes
 from studies.bench.strata import STRATA
-from studies.problems import INDUSTRIAL, PROBLEMS
+from studies.problems import PROBLEMS
 
 ROBOTS = ("hornet_565", "industrial", "industrial_drive", "industrial_limited", "orsino", "rl5")
 _RANDOM = STRATA["random robots"].robot
@@ -102,13 +102,12 @@ def triple_of(number: int) -> tuple[str, ...]:
 def drawn(seed: int, number: int) -> Scene | Cycle:
     """A scene or cycle whose ends and points between are possible by themselves: of the shipped
     robots in turn, and every seventh time of a random one."""
+    name = ROBOTS[number % len(ROBOTS)]
+    robot = as_delta(deltaopt.load_robot(PROBLEMS / "robots" / f"{name}.yaml"))
     for attempt in count():
         rng = np.random.default_rng((seed, number, attempt))
-        which = number % (len(ROBOTS) + 1)
-        file = PROBLEMS / "robots" / f"{ROBOTS[which]}.yaml" if which < len(ROBOTS) else INDUSTRIAL
-        robot = as_delta(deltaopt.load_robot(file))
         try:
-            if which == len(ROBOTS):
+            if number % 7 == 0:
                 robot = _RANDOM(robot, rng)
             payload = float(rng.uniform(0.2, 1.0)) * robot.platform.mass
             (scene,) = random_scenes(robot, payload, 1, int(rng.integers(2**31)))

@@ -180,8 +180,6 @@ def test_refused(given, says):
 
 
 def test_settings_that_do_not_apply_are_refused():
-    with pytest.raises(ValueError, match="no effect where there is an approach"):
-        plan(SCENE, starts=2)
     with pytest.raises(ValueError, match="formulation is forward"):
         plan(SCENE, formulation=deltaopt.forward)
 

@@ -301,7 +301,5 @@ def test_other_formulations_plan_from_and_to_motion(name, formulation):
 
 
 def test_settings_of_motions_from_rest_to_rest_are_refused():
-    with pytest.raises(ValueError, match="starts is 3; it has no effect where an end moves"):
-        plan(PASSED, starts=3)
     with pytest.raises(ValueError, match="start has 2 instants; one is needed"):
         PLANNER.plan(plan(PASSED).trajectory([0, 0.01]), CROSS.goal)

@@ -131,8 +131,6 @@ def test_points_out_of_reach_are_refused():
 
 
 def test_settings_that_do_not_apply_are_refused():
-    with pytest.raises(ValueError, match="starts is 2; it has no effect where there are via"):
-        plan(SCENE, starts=2)
     with pytest.raises(ValueError, match="formulation is forward"):
         plan(SCENE, formulation=deltaopt.forward)
 

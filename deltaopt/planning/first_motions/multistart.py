@@ -4,24 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import islice
-from math import dist, hypot
+from itertools import chain, islice, pairwise
+from math import dist
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.first_motions.initial_motion import curve_between, drivable
-from deltaopt.planning.first_motions.order_of_merit import in_order_of_merit
+from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.errors import RULED_OUT, if_possible
+from deltaopt.motion.trajectory import Trajectory, passes
+from deltaopt.planning.first_motions.around_bodies import clear_motions
+from deltaopt.planning.first_motions.initial_motion import roughly_fastest
+from deltaopt.planning.first_motions.order_of_merit import first_motion, in_order_of_merit
 from deltaopt.planning.plan import Optimum
+from deltaopt.problem.of_scene import problem_of
+from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import given_points
 
-Array = NDArray[np.float64]
-
-_SPREAD = 0.5
-"""Standard deviation of the random control points about the line, as a share of the distance from
-start to goal. A larger one explores more of the workspace, but more curves leave it."""
+_SPREAD = 0.3
+"""Standard deviation of the bends of a phase, as a share of its way; in a tube, of its radius. A
+larger one explores more of the workspace, but more curves leave it."""
+_KNOTS = 24
+"""Of each bent phase: its polynomials are of a higher order than motions are."""
 _TRIES = 50
 """Random curves drawn for each guess that is wanted, before the search for drivable ones ends."""
 _SAME_PATH = 1e-2
@@ -30,29 +33,59 @@ of the distance from start to goal: more than planning to a tolerance moves them
 
 
 def first_motions(scene: Scene, number: int, seed: int) -> Iterator[Trajectory]:
-    """First guesses: distinct ways in order of merit, then random cubics as fast as the limits
-    allow.
+    """First guesses from rest to rest: distinct ways in order of merit, then the first of them bent
+    at random, as fast as the limits allow.
 
-    They are fewer than ``number`` if hardly any random cubic stays in the workspace. Raises
+    They are fewer than ``number`` if hardly any random curve stays in the workspace. Raises
     Unreachable if there is no way.
     """
-    ways = 0
-    for motion in islice(in_order_of_merit(scene), number):
-        ways += 1
-        yield motion
-    random = drivable(scene, islice(_cubics(scene, seed), _TRIES * (number - ways)))
-    yield from islice(random, number - ways)
+    random = (
+        each for motion in [first_motion(scene)] for each in _bent(scene, motion, seed, number)
+    )
+    return islice(chain(in_order_of_merit(scene), random), number)
 
 
-def _cubics(scene: Scene, seed: int) -> Iterator[Trajectory]:
-    """Bézier curves whose control points are normally distributed about thirds of the line."""
-    rng = np.random.default_rng(seed)
-    start, goal = (np.array(point) for point in given_points(scene.task))
-    way = goal - start
-    thirds = start + np.outer([1 / 3, 2 / 3], way)
-    while True:
-        away = _SPREAD * hypot(*way) * rng.standard_normal((2, 3))
-        yield curve_between(scene, *(thirds + away))
+def other_motions(
+    scene: Scene, known: Trajectory | None, number: int, seed: int
+) -> Iterator[Trajectory]:
+    """First motions other than the usual first one, at most ``number`` of them.
+
+    From rest to rest they are distinct ways and random curves, past bodies on all their sides. In
+    phases, in a tube and where an end moves they are a motion that is ``known``, bent at random:
+    none where none is.
+    """
+    task = scene.task
+    if not task.is_at_rest or task.gates or scene.tube is not None:
+        return islice(_bent(scene, known, seed, number), number) if known else iter(())
+    motions = first_motions(scene, number + 1, seed)
+    if limits_of(scene).constraints.has_convex:
+        return clear_motions(scene, motions, number)
+    return islice(motions, 1, None)
+
+
+def _bent(scene: Scene, known: Trajectory, seed: int, number: int) -> Iterator[Trajectory]:
+    """A motion whose phases are bent at random, for so many guesses: it passes the same points as
+    fast, at the same times where an end moves."""
+    rng, problem = np.random.default_rng(seed), problem_of(scene)
+    begin, end = known.knots[[0, -1]].tolist()
+    phases = list(pairwise([begin, *passes(problem, known).tolist(), end]))
+    u = np.linspace(0.0, 1.0, _KNOTS + 1)
+    bump, slope = 64 * (u - u**2) ** 3, 192 * (u - u**2) ** 2 * (1 - 2 * u)
+    knots = np.concatenate([t0 + u[i > 0 :] * (t1 - t0) for i, (t0, t1) in enumerate(phases)])
+    for _ in range(_TRIES * number):
+        x, v = (each.copy() for each in known.position.with_rate_at(knots))
+        for i, (t0, t1) in enumerate(phases):
+            own = slice(i * _KNOTS, (i + 1) * _KNOTS + 1)
+            size = _SPREAD * (scene.tube or dist(x[own][0], x[own][-1]))
+            one, other = size * rng.standard_normal((2, 3))
+            between = one + u[:, None] * (other - one)
+            x[own] += bump[:, None] * between
+            v[own] += (slope[:, None] * between + bump[:, None] * (other - one)) / (t1 - t0)
+        bent = Trajectory(PiecewisePolynomial.hermite(knots, x, v), known.model)
+        if not problem.is_at_rest:
+            yield bent
+        elif driven := if_possible(RULED_OUT, roughly_fastest, scene, bent):
+            yield driven
 
 
 def distinct(found: Sequence[tuple[Trajectory, float, float]], length: float) -> list[Optimum]:
