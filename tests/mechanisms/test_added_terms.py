@@ -28,7 +28,7 @@ from deltaopt.output.controller_c import c_functions
 from deltaopt.output.mjcf import mjcf
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.flat.equations import point_equations
-from deltaopt.planning.mesh.reversals import with_reversals
+from deltaopt.planning.nlp.softening import Softening
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.report.modelled import modelled, not_modelled
 from deltaopt.scene.known_limits import limits_of
@@ -211,16 +211,17 @@ def test_slowing_reckons_with_it(plant):
 
 
 def test_a_sharp_layer_is_met(plant):
-    """By the compiled method, which bends less steeply there, and by knots at reversals."""
+    """By the compiled method, which bends less steeply there, and softer on coarse meshes."""
     plant(Latch(1.0))
     model = DeltaModel(robot(), 1.0)
     equations = point_equations(model.functions, limits_of(scene()).constraints)
     assert equations.saturating.numel() == equations.strengths.numel() == 3
-    mesh = np.full(8, 1 / 8)
-    ends = {"start": (0.45, 0.0, -0.1), "goal": (0.45, 0.03, 0.1)}  # an arm turns back between
-    motion = baseline(scene(robot=ORSINO, **ends))
-    assert len(with_reversals(mesh, motion, problem_of(scene()))) > len(mesh)
-    assert len(with_reversals(mesh, motion, problem_of(scene(robot=ORSINO)))) == len(mesh)
+    motion = baseline(scene(robot=ORSINO))
+    softening = Softening.of(problem_of(scene()), motion, 1e-3)
+    assert softening is not None
+    coarse, fine = (softening.widths(motion, np.full(n, 1 / n)).max() for n in (8, 80))
+    assert coarse > 5 * fine > 0.02
+    assert Softening.of(problem_of(scene(robot=ORSINO)), motion, 1e-3) is None
 
 
 def test_told_or_refused(plant):

@@ -58,12 +58,13 @@ class Softening:
 
     @classmethod
     def of(cls, problem: Problem, motion: Trajectory, tolerance: float) -> Softening | None:
-        """The softest that a plan of a tolerance may have; None without sharp friction.
+        """The softest that a plan of a tolerance may have; None without sharp friction, and where
+        rates of torques are limited: softer friction has smaller ones, which nothing covers.
 
         ``motion``: a guess, whose speeds say what is soft.
         """
         layers, torques = problem.model.layers, problem.limits.upper("torque")
-        if not layers or torques is None:
+        if not layers or torques is None or problem.limits.constraints.has_torque_rates:
             return None
         fastest = np.abs(_speeds(motion)).max()
         friction = max(most for _, most in layers)

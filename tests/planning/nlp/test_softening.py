@@ -1,0 +1,49 @@
+"""Friction as soft as a mesh resolves it, and safe."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deltaopt.planning.nlp.softening import Softening
+from deltaopt.planning.planner import Planner
+from deltaopt.problem.of_scene import problem_of
+from deltaopt.scene.scene_file import load_scene
+from deltaopt.verify.verification import verify
+
+DRIVE = load_scene(Path(__file__).parents[3] / "problems" / "industrial_drive.yaml")
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1.3, 2.0, 5.0, 40.0])
+@pytest.mark.parametrize("share", [0.02, 0.15])
+def test_what_is_hidden_is_covered(ratio, share):
+    """A torque at its softened limit is within 2e-3 of it, friction being as it is, on either side
+    of rest: |tanh (r u) - tanh u| is held against the cover's formula, whatever its sign."""
+    u = np.linspace(-6.0, 6.0, 4001)
+    room = 1 - share * (1 - ratio**-2) * (1 - np.tanh(u) ** 2)
+    hidden = share * np.abs(np.tanh(ratio * u) - np.tanh(u))
+    assert (room + hidden).max() <= 1 + 2e-3
+
+
+def test_a_plan_is_of_the_friction_that_was_asked_for():
+    """Meshes have softer friction, the motion has not: verification knows the scene alone. And its
+    duration is that of plans on finer meshes, whose friction is sharper, within both gaps."""
+    plan = Planner(DRIVE.robot, tolerance=1e-3).plan_scene(DRIVE)
+    finer = Planner(DRIVE.robot, tolerance=2e-4, intervals=40).plan_scene(DRIVE)
+    assert plan.within_tolerance
+    assert verify(DRIVE, plan.trajectory).ok
+    assert abs(plan.duration / finer.duration - 1) < plan.gap + finer.gap + 1e-3
+
+
+def test_softer_on_longer_intervals_and_never_below_the_least():
+    motion = Planner(DRIVE.robot, tolerance=1e-2).plan_scene(DRIVE).trajectory
+    softening = Softening.of(problem_of(DRIVE), motion, 1e-3)
+    assert softening is not None
+    mesh = np.array([0.5, 0.4, 0.0999, 0.0001])
+    widths = softening.widths(motion, mesh)
+    assert widths.min() == softening.least
+    assert (widths[0] > widths[2]).all()
+    harder = softening.after(problem_of(DRIVE), 1e-2, 1e-3)
+    assert harder.least < softening.least
