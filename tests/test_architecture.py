@@ -46,6 +46,7 @@ ORDER = (
     "planning.first_motions",
     "planning",
     "sensitivity",
+    "designs",
     "methods",
     "verify",
     "output",

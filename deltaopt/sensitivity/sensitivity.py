@@ -22,7 +22,7 @@ from deltaopt.sensitivity.numbers import (
     content_of,
     job_of,
     numbers_in,
-    with_number,
+    with_value,
 )
 from deltaopt.sensitivity.priced_cycle import PricedCycle, priced_cycles
 from deltaopt.sensitivity.priced_motion import PricedMotion, priced_motions
@@ -132,7 +132,7 @@ def _of_number(
     """The sensitivity to one number; None where it is in no equation."""
     step = _STEP * abs(number.value) or _OF_ZERO
     jobs: list[Any] = [
-        if_possible((SceneError,), job_of, with_number(content, number.path, number.value + by))
+        if_possible((SceneError,), job_of, with_value(content, number.path, number.value + by))
         for by in (-step, 0.0, step)
     ]
     of_meshes = np.array(
