@@ -210,9 +210,9 @@ class _Search:
         least, most = self._bounds
         keys, found = [each.key for each in self.asked.asked.change], list[list[float]]()
         for each in self._planned(shares)[1]:
-            by_key = {one.number.key: one.slope for one in each.sensitivity()}
+            by_key = {one.number.key: one.slope for one in each.sensitivity(keys)}
             found.append([by_key.get(key, 0.0) for key in keys])
-        return np.array(found).reshape(-1, len(keys)) * (most - least)
+        return np.asarray(np.array(found).reshape(-1, len(keys)) * (most - least))
 
     def _value(self, y: Array) -> float:
         """What is minimised, in units of its first value."""
@@ -235,7 +235,7 @@ class _Search:
         """By how much less each scene takes than the worst, or than is asked for, s."""
         shares, rest = self._split(y)
         allowed = float(rest[0]) if len(rest) else self.asked.asked.longest or _NEVER
-        return allowed - self._durations(shares)
+        return np.asarray(allowed - self._durations(shares))
 
     def _room_slopes(self, y: Array) -> Array:
         shares, rest = self._split(y)
