@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from deltaopt.later import PLACES, loaded
 
 if TYPE_CHECKING:
+    from deltaopt.designs.design import design as design
     from deltaopt.errors import (
         DeltaOptError as DeltaOptError,
         DependentConstraints as DependentConstraints,
@@ -95,6 +96,7 @@ if TYPE_CHECKING:
     from deltaopt.verify.verification import Verification as Verification, verify as verify
 
 _PUBLIC = {
+    "deltaopt.designs.design": ("design",),
     "deltaopt.errors": (
         "DeltaOptError",
         "DependentConstraints",

@@ -14,7 +14,7 @@ from functools import cache
 from math import isfinite, log
 
 import deltaopt
-from deltaopt.sensitivity.numbers import Job, content_of, job_of, with_number
+from deltaopt.sensitivity.numbers import Content, Job, content_of, job_of, with_value
 from deltaopt.sensitivity.sensitivity import Sensitivity
 from studies.problems import PROBLEMS
 from studies.text_table import table
@@ -97,14 +97,16 @@ class Compared:
         return max(abs(a - b * size) for a, b in pairs if isfinite(a) and isfinite(b))
 
 
-def _duration(content: dict[str, object], tolerance: float) -> tuple[float, float]:
-    """The duration or the period of a plan, s, and its gap."""
-    job = job_of(content)
+def _planned(job: Job, tolerance: float) -> deltaopt.Plan | deltaopt.CyclePlan:
     if isinstance(job, deltaopt.Cycle):
-        cycle = deltaopt.plan_cycle(job, tolerance=tolerance)
-        return cycle.period, cycle.gap
-    plan = deltaopt.plan(job, tolerance=tolerance)
-    return plan.duration, plan.gap
+        return deltaopt.plan_cycle(job, tolerance=tolerance)
+    return deltaopt.plan(job, tolerance=tolerance)
+
+
+def _duration(content: Content, tolerance: float) -> tuple[float, float]:
+    """The duration or the period of a plan, s, and its gap."""
+    found = _planned(job_of(content), tolerance)
+    return found.period if isinstance(found, deltaopt.CyclePlan) else found.duration, found.gap
 
 
 def _by_plans(job: Job, one: Sensitivity, tolerance: float, step: float) -> Compared:
@@ -115,7 +117,7 @@ def _by_plans(job: Job, one: Sensitivity, tolerance: float, step: float) -> Comp
     def told(k: int) -> tuple[float, float]:
         value = number.value * (1 + k * step)
         try:
-            duration, gap = _duration(with_number(content, number.path, value), tolerance)
+            duration, gap = _duration(with_value(content, number.path, value), tolerance)
         except deltaopt.SceneError:
             return float("nan"), 0.0
         return log(duration), gap
@@ -142,10 +144,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    rows = [("scene", "numbers", "fine: off by", "default: off by", "its error", "within it")]
+    rows: list[tuple[str, ...]] = [
+        ("scene", "numbers", "fine: off by", "default: off by", "its error", "within it")
+    ]
     for name in arguments.cases or [*RESOLVED, *MESHES]:
-        rows.append(_row(name, arguments.most, each=arguments.each))
-        print(", ".join(rows[-1]), flush=True)
+        row = _row(name, arguments.most, each=arguments.each)
+        rows.append(row)
+        print(", ".join(row), flush=True)
     print(table(rows))
     return 0
 
@@ -156,9 +161,8 @@ def _row(name: str, most: int, *, each: bool) -> tuple[str, ...]:
     is_fine = name in RESOLVED
     tolerance, step = (_FINE, _STEP) if is_fine else (_ON_MESHES, _WIDE)
     tolerance = _OF_CYCLES if isinstance(job, deltaopt.Cycle) else tolerance
-    plan = deltaopt.plan_cycle if isinstance(job, deltaopt.Cycle) else deltaopt.plan
-    fine = plan(job, tolerance=tolerance).sensitivity()
-    usual = {one.number.key: one for one in plan(job).sensitivity()}
+    fine = _planned(job, tolerance).sensitivity()
+    usual = {one.number.key: one for one in _planned(job, 1e-3).sensitivity()}
     chosen = [one for one in fine if one.number.value and (is_fine or abs(one.exponent) > _LEAST)]
     off, off_usual, stated, within = 0.0, 0.0, 0.0, 0
     for one in chosen[:most]:

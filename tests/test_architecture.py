@@ -47,6 +47,7 @@ ORDER = (
     "planning",
     "sensitivity",
     "research",
+    "designs",
     "verify",
     "output",
     "compare",

@@ -61,6 +61,7 @@ COMMANDS = {
     "inverse": "compute the torques along a straight line (the paper's Figs. 4 and 5)",
     "compare": "compare formulations, of the dynamics or of plans, as tables and charts",
     "verify": "verify a saved plan, or measure a table of motor angles",
+    "design": "find the lengths, gears and motors that make scenes fastest, or cheapest",
     "export": "write a plan for a controller, or a robot's model in C or for MuJoCo",
     "view": "look at a saved plan in a browser, in three dimensions",
     "completion": "print a script with which a shell completes commands, options and files",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf, isinf
@@ -201,13 +202,13 @@ class Plan:
             return ()
         return limit_sensitivities(self.multipliers, most_saved)
 
-    def sensitivity(self) -> Any:
-        """How the duration depends on each number of the scene and its robot: a tuple of
-        `Sensitivity`, those first of which a small step changes it most.
+    def sensitivity(self, keys: Collection[str] | None = None) -> Any:
+        """How the duration depends on each number of the scene and its robot, or on those with some
+        ``keys`` alone: a tuple of `Sensitivity`, those first of which a small step changes it most.
 
         Raises SceneError where that is not known, as on a given path, and NotConverged.
         """
-        return loaded("sensitivity")(self)
+        return loaded("sensitivity")(self, keys)
 
     def save(
         self,

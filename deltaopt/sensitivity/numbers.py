@@ -106,8 +106,9 @@ def job_of(content: Content) -> Job:
     )
 
 
-def with_number(content: Content, path: Path, value: float) -> dict[str, Any]:
-    """A content with another number under a path."""
+def with_value(content: Content, path: Path, value: Any) -> dict[str, Any]:
+    """A content with another value under a path. Raises KeyError, IndexError or TypeError for one
+    that does not lead anywhere."""
     changed = deepcopy(dict(content))
     inner: Any = changed
     for step, after in zip(path, (*path[1:], None), strict=True):

@@ -43,13 +43,14 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
 from deltaopt.scene.scene import Scene
 
-_INTERVALS, _SIZES = 256, (0.5, 0.6, 0.8, 1.0)
+_INTERVALS, _SIZES = 400, (0.5, 0.6, 0.8, 1.0)
 """Intervals of the finest mesh, or twice those of the plan; and the sizes of all of them, shares of
 it. A mesh errs as an instant of switching lies between its knots: by as much up as down over
 several that divide an interval otherwise."""
 _ACCURACIES = (1e-3, 1e-5, 1e-7, 1e-9)
-"""Relative tolerances to which meshes are solved, one after the other as far as they are met:
-beside sharp edges, and where friction changes its sign between points, small ones may not be."""
+"""Relative tolerances to which meshes are solved: the last, or where it is not met from the plan's
+motion, one after the other as far as they are. Beside sharp edges, and where friction changes its
+sign between points, small ones may not be."""
 _KNOWN = 1e-3
 """Accuracy that leaves a mesh out where two others are known better."""
 _SLOWER = 1e-5
@@ -231,13 +232,16 @@ def _priced(plan: Plan, mesh: Array) -> PricedMotion:
     scaling = first_tightening(scaling, motion, mesh)
     program = optimiser.program(scaling, cost_to_minimise(scene.objective, scaling)).on(mesh)
     found, solved = None, 1.0
-    for accuracy in _ACCURACIES:
+    for accuracy in (_ACCURACIES[-1], *_ACCURACIES):
         guess = Guess(motion, near=True, tolerance=accuracy, on_its_mesh=True)
         other = if_possible((NotConverged,), program.solve, guess, scaling, p)
         if other is None and found is not None:
             break
-        found, solved = other or found, accuracy if other else solved
-        motion = Trajectory(found.position, problem.model) if found else motion
+        if other is not None:
+            found, solved = other, accuracy
+            motion = Trajectory(other.position, problem.model)
+        if solved == _ACCURACIES[-1]:
+            break
     if found is None or not found.all_at_points:
         raise NotConverged("limits have no prices on a finer mesh", "No_Prices", motion)
     return PricedMotion(problem, motion, program.points, found.multipliers, solved)

@@ -6,7 +6,7 @@ second order. What meshes have missed shows where they differ.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 from typing import Any
@@ -22,7 +22,7 @@ from deltaopt.sensitivity.numbers import (
     content_of,
     job_of,
     numbers_in,
-    with_number,
+    with_value,
 )
 from deltaopt.sensitivity.priced_cycle import PricedCycle, priced_cycles
 from deltaopt.sensitivity.priced_motion import PricedMotion, priced_motions
@@ -33,7 +33,7 @@ _STEP, _OF_ZERO = 1e-5, 1e-7
 """By which a number is changed to and fro: of itself, or of 0 in its SI unit."""
 _KINK = 1e-2
 """Of the larger of two slopes: by what they differ that are not the same."""
-_SURE, _ROUNDING = 2.0, 1e-6
+_SURE, _ROUNDING = 3.0, 1e-6
 """The error that is told, over the range of what meshes tell; and what is added to it, a share of
 the duration for a change by the whole number."""
 _TOLD, _DOUBTFUL = 5e-5, 0.05
@@ -109,20 +109,20 @@ def _in_words(share: float) -> str:
     return f"{100 * abs(share):.2g} % {'longer' if share > 0 else 'shorter'}"
 
 
-def sensitivity(found: Plan | CyclePlan) -> tuple[Sensitivity, ...]:
+def sensitivity(
+    found: Plan | CyclePlan, keys: Collection[str] | None = None
+) -> tuple[Sensitivity, ...]:
     """How the duration of a plan, or a cycle's period, depends on each number of its scene and its
-    robot, those first of which a step changes it most.
+    robot, or on those with some ``keys`` alone; those first of which a step changes it most.
 
     Numbers that are in no equation, such as a mass of 0, are left out. Raises SceneError where the
     dependence is not known, and NotConverged.
     """
-    if isinstance(found, Plan):
-        return _of_all(content_of(found.scene), priced_motions(found), found.duration)
-    return _of_all(content_of(found.cycle), priced_cycles(found), found.period)
-
-
-def _of_all(content: Content, meshes: Meshes, duration: float) -> tuple[Sensitivity, ...]:
-    each = (_of_number(content, number, meshes, duration) for number in numbers_in(content))
+    meshes: Meshes = priced_motions(found) if isinstance(found, Plan) else priced_cycles(found)
+    duration = found.duration if isinstance(found, Plan) else found.period
+    content = content_of(found.scene if isinstance(found, Plan) else found.cycle)
+    numbers = (each for each in numbers_in(content) if keys is None or each.key in keys)
+    each = (_of_number(content, number, meshes, duration) for number in numbers)
     return tuple(sorted((one for one in each if one), key=lambda one: -one.told))
 
 
@@ -132,7 +132,7 @@ def _of_number(
     """The sensitivity to one number; None where it is in no equation."""
     step = _STEP * abs(number.value) or _OF_ZERO
     jobs: list[Any] = [
-        if_possible((SceneError,), job_of, with_number(content, number.path, number.value + by))
+        if_possible((SceneError,), job_of, with_value(content, number.path, number.value + by))
         for by in (-step, 0.0, step)
     ]
     of_meshes = np.array(
@@ -143,9 +143,11 @@ def _of_number(
     if not known.any():
         return None
     below, above = sides.mean(axis=0).tolist()
-    slopes = sides[:, known].mean(axis=1)
+    slopes = sides[:, known]
     sure = _ROUNDING + max(mesh.accuracy for mesh in meshes)
-    error = _SURE * float(np.ptp(slopes)) + sure * duration / (abs(number.value) or 1.0)
+    error = _SURE * float(np.ptp(slopes, axis=0).max()) + sure * duration / (
+        abs(number.value) or 1.0
+    )
     return Sensitivity(number, duration, float(slopes.mean()), error, below, above)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf
@@ -117,13 +118,13 @@ class CyclePlan:
         rms = ", ".join(f"{each:.4g}" for each in self.rms_torque)
         return f"{self.period:.6f} s, RMS torques {rms} N·m"
 
-    def sensitivity(self) -> Any:
-        """How the period depends on each number of the cycle and its robot: a tuple of
-        `Sensitivity`, those first of which a small step changes it most.
+    def sensitivity(self, keys: Collection[str] | None = None) -> Any:
+        """How the period depends on each number of the cycle and its robot, or on those with some
+        ``keys`` alone: a tuple of `Sensitivity`, those first of which a small step changes it most.
 
         Raises SceneError where that is not known, as on belts, and NotConverged.
         """
-        return loaded("sensitivity")(self)
+        return loaded("sensitivity")(self, keys)
 
     @property
     def within_tolerance(self) -> bool:

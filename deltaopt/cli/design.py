@@ -1,0 +1,88 @@
+"""Find the best design of a file: lengths, gears and motors that make scenes fastest, or cheapest.
+
+The file names scenes, numbers of theirs and their robot's that may be changed between bounds, and
+tables of makers of which a row is chosen (docs/design.md). DIR receives
+
+  designs.csv   the best of each choice of rows: what it costs, durations, values
+  robot.yaml    the robot of the best design
+
+Exit code: 0 found; 1 no design keeps all limits; 2 bad input.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from time import process_time
+
+from deltaopt.cli.arguments import add_json, add_output, optimality_gap, output_directory
+from deltaopt.cli.streams import present, print_json, print_written
+from deltaopt.designs.design import TOLERANCE, Candidate, Designed, design, names_of
+from deltaopt.designs.design_file import load_design
+from deltaopt.files.atomic_write import atomic_write
+from deltaopt.files.csv_table import csv_text
+from deltaopt.files.tables import text_table
+from deltaopt.files.yaml_file import write_yaml
+from deltaopt.sensitivity.numbers import content_of
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scene", type=Path, metavar="DESIGN", help="a design file")
+    add_output(parser)
+    add_json(parser)
+    parser.add_argument(
+        "--no-derivatives", action="store_true", help="optimise without those of plans"
+    )
+    parser.add_argument(
+        "--tolerance",
+        type=optimality_gap,
+        metavar="GAP",
+        default=TOLERANCE,
+        help=f"relative optimality gap of plans (default: {TOLERANCE:g})",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    asked, directory = load_design(arguments.scene), output_directory(arguments)
+    begin = process_time()
+    found = design(
+        asked,
+        derivatives=not arguments.no_derivatives,
+        tolerance=arguments.tolerance,
+        progress=lambda text: print(text, file=sys.stderr, flush=True),
+    )
+    spent, before = process_time() - begin, present(directory)
+    files = [directory / "designs.csv", directory / "robot.yaml"]
+    rows = [_row(each) for each in sorted(found.candidates, key=lambda each: each.value)]
+    with atomic_write(files[0]) as temporary:
+        temporary.write_text(csv_text(_heads(found), rows), encoding="utf-8")
+    (job, *_) = asked.jobs(found.best.choice, list(found.best.values))
+    write_yaml(files[1], content_of(job)["robot"], f"the best design of {arguments.scene.name}")
+    if arguments.json:
+        best = dict(zip(_heads(found), _row(found.best), strict=True))
+        print_json(
+            {"best": best, "evaluations": found.evaluations, "files": [str(f) for f in files]}
+        )
+        return 0
+    told = [
+        _heads(found),
+        *([f"{x:.6g}" if isinstance(x, float) else x for x in row] for row in rows),
+    ]
+    print(*text_table([tuple(map(str, row)) for row in told]), sep="\n")
+    print(
+        f"{found.evaluations} designs planned in {spent:.1f} s of a processor; "
+        f"{found.passed_over} choices passed over, which cannot be better"
+    )
+    print_written(files, before)
+    return 0
+
+
+def _heads(found: Designed) -> list[str]:
+    asked = found.design.asked
+    durations = [f"{Path(name).stem} [s]" for name in asked.scenes]
+    return ["design", "value", *durations, *(each.key for each in asked.change)]
+
+
+def _row(each: Candidate) -> list[str | float]:
+    return [names_of(each.choice), each.value, *each.durations, *each.values]

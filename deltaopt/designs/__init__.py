@@ -1,0 +1,1 @@
+"""Designs: which lengths, gears and motors make scenes fastest, or cheapest."""

@@ -1,0 +1,176 @@
+"""Design files: what of robots and scenes may be changed, within which bounds, and what is best."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from deltaopt.errors import SceneError
+from deltaopt.files.csv_table import WrongCsv, read_csv
+from deltaopt.files.units import DURATION
+from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Text
+from deltaopt.files.yaml_file import place_of, read_yaml
+from deltaopt.scene.scene_file import has_cycle, load_cycle, load_scene
+from deltaopt.sensitivity.numbers import Content, content_of, job_of, path_of, with_value
+
+_KEY = "a key of a scene or of its robot, such as robot.drive.gear.ratio"
+
+
+class Change(Record):
+    """A number that may be changed from ``least`` to ``most``, SI units, at a ``price`` for one of
+    its unit."""
+
+    key: Text = Field(description=_KEY)
+    least: Number = Field(description="a number in SI units")
+    most: Number = Field(description="a number in SI units, greater than least")
+    price: Number = Field(default=0.0, description="what one of its unit costs")
+
+    @model_validator(mode="after")
+    def _has_room(self) -> Self:
+        if not self.least < self.most:
+            raise SceneError(None, "most", self.most, f"a number greater than {self.least:g}")
+        return self
+
+
+class Catalogue(Record):
+    """A maker's table, of which one row is chosen: its ``file``, the columns with the ``name`` and
+    the ``price`` of a row, the ``number`` that is bought, and ``columns``: for each key the column
+    with its value. What stands in brackets in a column's head is the unit of its numbers: "peak
+    torque [N*m]"."""
+
+    file: Text = Field(description="the path of a CSV file, relative to this file")
+    name: Text = Field(description="the head of the column with names")
+    price: Text | None = Field(default=None, description="the head of the column with prices")
+    number: Positive = Field(default=1.0, description="a number greater than 0")
+    columns: dict[str, Text] = Field(description=f"for each key ({_KEY}) the head of a column")
+
+
+class DesignFile(Record):
+    """What is designed.
+
+    ``scenes``: files of scenes and cycles. ``over``: whether the sum of their durations counts or
+    that of the ``worst``. ``per_second``: what a second of it costs. ``longest``: what each may
+    take at most, s.
+    """
+
+    scenes: tuple[Text, ...] = Field(min_length=1, description="a list of scene files")
+    change: tuple[Change, ...] = Field(
+        default=(), description="a list of mappings with the keys key, least, most, price"
+    )
+    catalogues: tuple[Catalogue, ...] = Field(
+        default=(),
+        description="a list of mappings with the keys file, name, price, number, columns",
+    )
+    over: Literal["sum", "worst"] = Field(default="sum", description="sum or worst")
+    per_second: NonNegative = Field(default=1.0, description="a price, at least 0")
+    longest: Annotated[Positive, DURATION] | None = Field(
+        default=None, description="a duration in s, greater than 0"
+    )
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of a catalogue: its ``name``, ``price``, and the ``values`` of keys as a file would
+    have them, "3.82 N*m"."""
+
+    name: str
+    price: float
+    values: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Design:
+    """What is designed, with all files read: ``contents`` of scenes, rows of ``catalogues``."""
+
+    asked: DesignFile
+    contents: tuple[Content, ...]
+    catalogues: tuple[tuple[Row, ...], ...]
+
+    def choices(self) -> Iterator[tuple[Row, ...]]:
+        """Rows of all catalogues, one of each."""
+        return product(*self.catalogues)
+
+    def jobs(self, choice: tuple[Row, ...], values: list[float]) -> list[Any]:
+        """The scenes and cycles with the rows that were chosen and other values of what may be
+        changed. Raises SceneError for those that cannot be used."""
+        given: list[tuple[str, Any]] = [pair for row in choice for pair in row.values]
+        given += [(each.key, x) for each, x in zip(self.asked.change, values, strict=True)]
+        jobs = []
+        for content in self.contents:
+            for key, value in given:
+                content = with_value(content, path_of(key), value)
+            jobs.append(job_of(content))
+        return jobs
+
+
+def load_design(path: str | Path) -> Design:
+    """Read a design file and all files that it names.
+
+    Raises SceneError, naming file and key, if one cannot be used.
+    """
+    file = Path(path)
+    asked = DesignFile.from_content(read_yaml(file), file)
+    scenes = [file.parent / name for name in asked.scenes]
+    jobs = [load_cycle(each) if has_cycle(each) else load_scene(each) for each in scenes]
+    rows = tuple(_rows(file, index, each) for index, each in enumerate(asked.catalogues))
+    found = Design(asked, tuple(content_of(job) for job in jobs), rows)
+    for choice in found.choices():
+        for side in ("least", "most"):
+            _require_usable(file, found, choice, [getattr(each, side) for each in asked.change])
+    return found
+
+
+def _require_usable(
+    file: Path, design: Design, choice: tuple[Row, ...], values: list[float]
+) -> None:
+    try:
+        design.jobs(choice, values)
+    except SceneError as error:
+        names = "".join(f" of {row.name}" for row in choice)
+        expected = f"{error.expected}, at the bounds of change{names}"
+        raise SceneError(file, error.key, error.value, expected, error.problem) from None
+    except (KeyError, IndexError, TypeError):
+        known = {*(each.key for each in design.asked.change)}
+        known |= {key for row in choice for key, _ in row.values}
+        expected = "keys that scenes and robot have, for what stands beside them is changed"
+        raise SceneError(file, "change", ", ".join(sorted(known)), expected) from None
+
+
+def _rows(file: Path, index: int, asked: Catalogue) -> tuple[Row, ...]:
+    """The rows of a catalogue. Raises SceneError."""
+    key = f"catalogues[{index}].file"
+    try:
+        table = read_csv(file.parent / asked.file)
+        heads = [asked.name, asked.price or asked.name, *asked.columns.values()]
+        missing = [head for head in heads if head.lower() not in table.names]
+        if missing:
+            raise WrongCsv(f"has no column {missing[0]}")
+        prices = table.columns([asked.price.lower()])[:, 0] if asked.price else [0.0] * 10**4
+    except WrongCsv as error:
+        place, expected = place_of(file, key), "a CSV file with the columns that are named"
+        raise SceneError(file, key, asked.file, expected, str(error), place) from None
+    found = list[Row]()
+    for cells, price in zip(table.rows, prices, strict=False):
+        values = [
+            (name, f"{cells[table.names.index(head.lower())]} {_unit(head)}".strip())
+            for name, head in asked.columns.items()
+        ]
+        name = cells[table.names.index(asked.name.lower())]
+        found.append(
+            Row(
+                name,
+                asked.number * float(price),
+                tuple((k, v) for k, v in values if v[0].isdigit()),
+            )
+        )
+    return tuple(found)
+
+
+def _unit(head: str) -> str:
+    """What stands in brackets in the head of a column."""
+    return head.partition("[")[2].rstrip("] ")

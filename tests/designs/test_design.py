@@ -1,0 +1,136 @@
+"""Designs: held against a gear ratio in closed form, one another, and every choice planned."""
+
+from __future__ import annotations
+
+import json
+from math import sqrt
+
+import pytest
+
+import deltaopt
+from deltaopt.cli import main
+
+ROBOT = """
+name: arms alone
+base_radius: 0.2
+platform_radius: 0.05
+upper_arm: {length: 0.3, mass: 0, inertia: 0.02}
+forearm: {length: 0.8, mass: 0}
+platform: {mass: 1.0e-6}
+gravity: 0
+drive:
+  motor: {peak_torque: 3.82, inertia: 0.28 kg*cm^2}
+  gear: {ratio: 20}
+"""
+"""With a motor of its own only the inertia of the arms is to be turned: 0.02 kg m²."""
+RATIO = sqrt(0.02 / 0.28e-4)
+MOTORS = """Model,Peak torque [N*m],Rotor inertia [kg*cm^2],Price [EUR]
+small,1.91,0.14,100
+large,3.82,0.28,200
+huge,3.82,0.28,90000
+"""
+CATALOGUE = """
+catalogues:
+  - file: motors.csv
+    name: Model
+    price: Price [EUR]
+    number: 3
+    columns:
+      robot.drive.motor.peak_torque: Peak torque [N*m]
+      robot.drive.motor.inertia: Rotor inertia [kg*cm^2]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "robot.yaml").write_text(ROBOT)
+    for name, depth in (("near", 0.75), ("far", 0.85)):
+        goal = f"robot: robot.yaml\nstart: [0.65, 0, 0]\ngoal: [{depth}, 0, 0]\n"
+        (tmp_path / f"{name}.yaml").write_text(goal)
+    (tmp_path / "motors.csv").write_text(MOTORS)
+    return tmp_path
+
+
+def written(folder, text):
+    file = folder / "design.yaml"
+    file.write_text(text)
+    return file
+
+
+GEAR = "change: [{key: robot.drive.gear.ratio, least: 8, most: 60}]\n"
+
+
+@pytest.mark.parametrize("over", ["sum", "worst"])
+@pytest.mark.parametrize("derivatives", [True, False])
+def test_the_best_gear_is_that_of_equal_inertias(folder, over, derivatives):
+    """T ~ √((J + n² Jm) / n) of a constant inertia J: n is the best where n² Jm = J."""
+    file = written(folder, f"scenes: [near.yaml, far.yaml]\nover: {over}\n{GEAR}")
+    found = deltaopt.design(file, derivatives=derivatives)
+    assert found.best.values == pytest.approx([RATIO], rel=2e-3)
+    durations = found.best.durations
+    assert found.best.value == pytest.approx(sum(durations) if over == "sum" else durations[1])
+    assert found.evaluations < (12 if derivatives else 40)
+
+
+def test_what_a_gear_costs_and_what_a_scene_may_take(folder):
+    """A price makes the ratio smaller, as far as the scene may take so long."""
+    text = f"scenes: [far.yaml]\nlongest: 34 ms\n{GEAR.replace('most: 60', 'most: 60, price: 1')}"
+    found = deltaopt.design(written(folder, text))
+    assert found.best.durations == pytest.approx([0.034], rel=1e-4)
+    shares = [sqrt((0.02 + n * n * 0.28e-4) / n) for n in (found.best.values[0], RATIO)]
+    fastest = deltaopt.design(written(folder, f"scenes: [far.yaml]\n{GEAR}")).best.durations[0]
+    assert shares[0] / shares[1] == pytest.approx(0.034 / fastest, rel=1e-4)
+    assert found.best.values[0] < RATIO
+
+
+def test_rows_of_a_catalogue(folder, capsys):
+    """The best of all rows; those that cannot be better are not planned."""
+    text = f"scenes: [near.yaml, far.yaml]\nper_second: 20000\n{CATALOGUE}"
+    file = written(folder, text)
+    assert main(["design", str(file), "--json", "-o", str(folder / "out")]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["evaluations"] == 1
+    assert told["best"]["design"] == "large"
+    durations = told["best"]["near [s]"] + told["best"]["far [s]"]
+    assert told["best"]["value"] == pytest.approx(600 + 20000 * durations)
+    best = deltaopt.load_robot(folder / "out" / "robot.yaml")
+    assert best.drive.motor.peak_torque == 3.82
+    assert len((folder / "out" / "designs.csv").read_text().splitlines()) == 2
+    assert main(["design", str(file), "-o", str(folder / "out")]) == 0
+    assert "2 choices passed over, which cannot be better" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("scenes: [far.yaml]\nover: mean", "over is 'mean'; expected sum or worst"),
+        (GEAR, "scenes is missing; expected a list of scene files"),
+        (
+            "scenes: [far.yaml]\n" + GEAR.replace("least: 8", "least: 80"),
+            "change[0].most is 60.0; expected a number greater than 80",
+        ),
+        (
+            "scenes: [far.yaml]\n" + GEAR.replace("ratio", "ratoi"),
+            "robot.drive.gear.ratoi is not a known key",
+        ),
+        (
+            "scenes: [far.yaml]\n" + GEAR.replace("drive.gear", "dirve.gear"),
+            "change is 'robot.dirve.gear.ratio'; expected keys that scenes and robot have",
+        ),
+        (
+            "scenes: [far.yaml]\n" + GEAR.replace("least: 8", "least: -8"),
+            "robot.drive.gear.ratio is -8.0; expected a number greater than 0",
+        ),
+        (
+            "scenes: [far.yaml]\n" + CATALOGUE.replace("Rotor", "Motor"),
+            "catalogues[0].file has no column Motor inertia [kg*cm^2]",
+        ),
+    ],
+)
+def test_errors_are_one_sentence(folder, capsys, text, sentence):
+    assert main(["design", str(written(folder, text)), "-o", str(folder / "out")]) == 2
+    told = capsys.readouterr().err
+    assert sentence in told
+    assert told.startswith(f"deltaopt: {folder / 'design.yaml'}")
+    assert told.count("\n") == 1
+    assert not (folder / "out").exists()
