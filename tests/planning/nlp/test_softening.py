@@ -49,12 +49,11 @@ def test_softer_on_longer_intervals_and_never_below_the_least():
     assert harder.least < softening.least
 
 
-def test_a_long_move_needs_no_search():
-    """Its arms turn back within a ten-thousandth of the motion. With friction as it is on all
-    meshes their reversals are caught between points, and meshes follow one another."""
-    friction = DRIVE.robot.drive.friction.model_copy(update={"speed": 0.01})
-    drive = DRIVE.robot.drive.model_copy(update={"friction": friction})
-    planner = Planner(DRIVE.robot.model_copy(update={"drive": drive}), payload=0.75)
-    plan = planner.plan((0.251655, 0.495241, -0.609999), (0.571262, -0.384358, 0.530274))
+def test_a_move_needs_no_search():
+    """One attempt does. With friction as it is on all meshes reversals are caught between their
+    points, and none of several attempts from this first motion is good enough."""
+    plan = Planner(DRIVE.robot, payload=0.75).plan(
+        (0.763650, -0.271184, 0.043577), (0.935621, 0.352646, 0.045631)
+    )
     assert plan.within_tolerance
-    assert sum(entry.solves for entry in plan.journal) <= 6
+    assert len(plan.journal) == 1
