@@ -51,7 +51,7 @@ def test_softer_on_longer_intervals_and_never_below_the_least():
 
 def test_a_move_needs_no_search():
     """One attempt does. With friction as it is on all meshes reversals are caught between their
-    points, and none of several attempts from this first motion is good enough."""
+    points, and the first attempt misses its tolerance."""
     plan = Planner(DRIVE.robot, payload=0.75).plan(
         (0.763650, -0.271184, 0.043577), (0.935621, 0.352646, 0.045631)
     )
