@@ -47,3 +47,13 @@ def test_softer_on_longer_intervals_and_never_below_the_least():
     assert (widths[0] > widths[2]).all()
     harder = softening.after(problem_of(DRIVE), 1e-2, 1e-3)
     assert harder.least < softening.least
+
+
+def test_a_move_needs_no_search():
+    """One attempt does. With friction as it is on all meshes reversals are caught between their
+    points, and the first attempt misses its tolerance."""
+    plan = Planner(DRIVE.robot, payload=0.75).plan(
+        (0.763650, -0.271184, 0.043577), (0.935621, 0.352646, 0.045631)
+    )
+    assert plan.within_tolerance
+    assert len(plan.journal) == 1
