@@ -48,7 +48,6 @@ def planned(job, tolerance=1e-3):
         "via/within",
         "via/onto_a_belt",
         "moving/passed_state",
-        "moving/stop",
         "approach/25_305_25",
         "keep_out/into_a_box",
         "paths/tube",
