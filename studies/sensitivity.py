@@ -70,7 +70,7 @@ MESHES = {
         "via/onto_a_belt",
         "moving/passed_state",
         "approach/25_305_25",
-        "keep_out/wall_25_305_25",
+        "keep_out/into_a_box",
         "limits/smooth",
         "industrial_drive",
     )

@@ -59,6 +59,8 @@ _JUMP = 1e-3
 """Of the largest acceleration: the least jump at a knot that is an instant of switching."""
 _ANOTHER = 1e-4
 """Share of a cost by which it is another one, beside twice the gap that a plan tells."""
+_SHARP, _PAID = 1e-3, 1e-4
+"""Radius of a sharp edge, m, and the price of a body that matters, share of the cost per scale."""
 _NOT_KNOWN = "is not priced point by point"
 _ANYWHERE = Boundary.passed((None, None, None))
 
@@ -191,6 +193,7 @@ def priced_motions(found: Plan) -> list[PricedMotion]:
     shares = joined(found.trajectory.shares, problem_of(found.scene).together)
     finest = max(_INTERVALS, 2 * len(shares)) * shares
     each = [_priced(found, split(shares, np.ceil(n * finest).astype(int))) for n in _SIZES]
+    _require_round(each[-1])
     well = [one for one in each if one.accuracy <= _KNOWN]
     each = well if len(well) > 1 else each
     longer = each[-1].cost / found.cost - 1
@@ -202,6 +205,19 @@ def priced_motions(found: Plan) -> list[PricedMotion]:
             each[-1].motion,
         )
     return each
+
+
+def _require_round(found: PricedMotion) -> None:
+    """Raise SceneError where a motion goes around a sharp edge: which way that pushes it changes
+    within less than a number can be changed by."""
+    limits = found.problem.limits
+    if not limits.constraints.has_convex:
+        return
+    paid = np.abs(found.prices[:, :, limits.constraints.convex]).sum(axis=(0, 1)) > _PAID
+    if paid[limits.edge_radii < _SHARP].any():
+        expected = f"a tool with a radius of {1e3 * _SHARP:g} mm at least, for sensitivities"
+        problem = "has a sharp edge that the tool's point goes around"
+        raise SceneError(None, "keep_out", None, expected, problem)
 
 
 def _require_prices(found: Plan) -> None:
