@@ -205,9 +205,10 @@ def _run(arguments: argparse.Namespace) -> int:
     folders = _folders(arguments)
     scenes = [_load(file, arguments.rated) for file in folders]
     if any(isinstance(scene, Scene) and scene.follows_path for scene in scenes):
-        _refuse_free_paths(arguments)
+        _refuse_beside(arguments, ("baseline",), "free paths; the scene gives its path")
     if any(isinstance(scene, Cycle) for scene in scenes):
-        _refuse_for_cycles(arguments)
+        why = "single motions; a cycle does not have it"
+        _refuse_beside(arguments, ("baseline", "plot_limits"), why)
     codes = []
     for (file, directory), scene in zip(folders.items(), scenes, strict=True):
         if len(folders) > 1:
@@ -355,23 +356,14 @@ def _refuse_contradictions(
         )
 
 
-def _refuse_free_paths(arguments: argparse.Namespace) -> None:
-    """Raise WrongUsage for options that have no effect where the scene gives the path."""
+def _refuse_beside(arguments: argparse.Namespace, drawn: tuple[str, ...], why: str) -> None:
+    """Raise WrongUsage for options on how to optimise, and for some on what is ``drawn``, where
+    the tolerance alone has an effect; ``why``: what such an option is for."""
     given = [name for name in PLANNING if getattr(arguments, name) is not None]
-    given += ["baseline"] if arguments.baseline else []
-    useless = [name for name in given if name != "tolerance"]
-    if useless:
-        raise WrongUsage(f"--{useless[0]} is for free paths; the scene gives its path")
-
-
-def _refuse_for_cycles(arguments: argparse.Namespace) -> None:
-    """Raise WrongUsage for options that cycles do not have."""
-    given = [name for name in PLANNING if getattr(arguments, name) is not None]
-    drawn = ("baseline", "plot_limits")
     given += [name.replace("_", "-") for name in drawn if getattr(arguments, name)]
     others = [name for name in given if name != "tolerance"]
     if others:
-        raise WrongUsage(f"--{others[0]} is for single motions; a cycle does not have it")
+        raise WrongUsage(f"--{others[0]} is for {why}")
 
 
 def _require_rows(trajectory: Trajectory, rate: float) -> None:
