@@ -140,6 +140,16 @@ def _attempt(scene: Scene, proposal: Proposal, coarsest: int) -> Attempt | None:
     return Attempt(scene, proposal.motion, intervals, proposal.name) if intervals else None
 
 
+@dataclass(frozen=True)
+class Search:
+    """A search for better plans than the usual one: from how many other first motions at ``most``,
+    for how many ``seconds``, and the ``seed`` of random ones."""
+
+    most: int
+    seconds: float = inf
+    seed: int = 1
+
+
 @dataclass
 class Outcomes:
     """What came of attempts to plan a scene.

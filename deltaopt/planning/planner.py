@@ -17,12 +17,13 @@ from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.trajectory import Motion, Trajectory
+from deltaopt.planning.attempts import Search
 from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.journal import Journal, Progress
 from deltaopt.planning.nlp.problem import ProblemFormulation, Solver
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.plan import Plan
-from deltaopt.planning.run import Run, Search
+from deltaopt.planning.run import Run
 from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
 from deltaopt.robot.machine import Machine
 from deltaopt.scene.known_limits import Limits

@@ -27,6 +27,7 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.attempts import (
     Attempt,
     Outcomes,
+    Search,
     from_motion,
     on_its_mesh,
 )
@@ -36,6 +37,7 @@ from deltaopt.planning.first_motions.around_bodies import (
     is_clear,
     name_of_way,
 )
+from deltaopt.planning.first_motions.bands import Bodies
 from deltaopt.planning.first_motions.moving_ends import first_moving_motions, from_state_to_state
 from deltaopt.planning.first_motions.multistart import other_motions
 from deltaopt.planning.first_motions.order_of_merit import first_motion
@@ -74,16 +76,6 @@ _SLOWER = (1.5, 1.0)
 _SHORTEST_WAY = 1e-11
 """Least way of a motion with moving ends, m: a hundred thousand times the rounding of coordinates.
 Of a shorter one, as 1e-7 s before the end of another, verification cannot tell speeds."""
-
-
-@dataclass(frozen=True)
-class Search:
-    """A search for better plans than the usual one: from how many other first motions at ``most``,
-    for how many ``seconds``, and the ``seed`` of random ones."""
-
-    most: int
-    seconds: float = inf
-    seed: int = 1
 
 
 @dataclass(frozen=True)
@@ -296,7 +288,13 @@ class Run(Loop):
         except ENDS_AN_ATTEMPT as error:
             self.journal.note(str(error))
         if scene.tube is not None:  # no way around a body but in it
-            return self.by_merit(scene)
+            try:
+                return self.by_merit(scene)
+            except NotConverged as error:
+                bodies, path = Bodies.along(scene, first_motion(scene))
+                told = f"no motion past the bodies was found within {1e3 * scene.tube:g} mm of the "
+                told += f"path, on which {bodies.too_near(path)}"
+                raise (Infeasible(told) if bodies.too_near(path) else error) from error
 
         found, failure = list[Plan](), None
         try:

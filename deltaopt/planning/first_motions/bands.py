@@ -212,13 +212,29 @@ class Bodies:
         for link, index, _ in self.scene.planned_links:
             names.append(f"{name_of(link)} clear of keep_out[{index}]")
         found = []
-        used = np.flatnonzero(np.isfinite(self.kept))  # the others are of no body
-        for row, name in zip(used, names, strict=True):
+        for row, name in zip(self._used, names, strict=True):
             places = np.flatnonzero(near[:, row])
             if len(places):
                 place = int(places[len(places) // 2])
                 found.append((place, name.format(_direction(slope[place, row]))))
         return tuple(dict.fromkeys(name for _, name in sorted(found)))
+
+    def too_near(self, band: Array) -> str:
+        """Where a band comes nearest to a body for what it is to keep, in words; empty if it is
+        clear of all."""
+        room = (self.distances(band)[0] - self.kept)[:, self._used].min(axis=0)
+        row = int(room.argmin())
+        links = ["the tool"] * len(self.scene.obstacles)
+        links += [name_of(link) for link, _, _ in self.scene.planned_links]
+        bodies = [index for index, _ in self.scene.obstacles]
+        bodies += [index for _, index, _ in self.scene.planned_links]
+        missed = f"{links[row]} comes {-1e3 * room[row]:.3g} mm too near to keep_out[{bodies[row]}]"
+        return missed if room[row] < 0 else ""
+
+    @property
+    def _used(self) -> Index:
+        """Rows that are of a body."""
+        return np.flatnonzero(np.isfinite(self.kept))
 
 
 def least_distances(scene: Scene) -> Array:
