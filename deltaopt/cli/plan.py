@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import argparse
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -85,7 +85,11 @@ from deltaopt.scene.cycle import Cycle, there_and_back
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import has_cycle, load_cycle, load_scene
-from deltaopt.sensitivity.sensitivity import told_of_sensitivity
+from deltaopt.sensitivity.sensitivity import (
+    Sensitivity,
+    for_machines,
+    told_of_sensitivity,
+)
 from deltaopt.verify.verification import verify
 
 FORMULATIONS: dict[str, Callable[[LoopClosure], ProblemFormulation]] = {
@@ -284,10 +288,10 @@ def _plan(
     files = save(directory, facts, arguments.rate, **drawn)
     if arguments.json:
         printed = {"scene": str(file), **_for_machines(facts), "files": list(map(str, files))}
-        print_json(printed | _sensitivity(found, arguments))
+        print_json(printed | for_machines(_sensitivities(found, arguments)))
     else:
         more = details(facts) if arguments.details else surprises(facts)
-        print(*told(facts), *more, *_told_sensitivity(found, arguments), sep="\n")
+        print(*told(facts), *more, *told_of_sensitivity(_sensitivities(found, arguments)), sep="\n")
         print_written(files, before)
     return say_failures(facts.verification.failures())
 
@@ -301,12 +305,13 @@ def _plan_cycle(file: Path, directory: Path, cycle: Cycle, arguments: argparse.N
     verification, before = verified(found), present(directory)
     files = save_cycle(directory, found, verification, arguments.rate, **_drawn(arguments))
     if arguments.json:
-        record = content_of_cycle(found, verification) | _sensitivity(found, arguments)
-        print_json({"scene": str(file), **record, "files": list(map(str, files))})
+        record = content_of_cycle(found, verification)
+        printed = {"scene": str(file), **record, "files": list(map(str, files))}
+        print_json(printed | for_machines(_sensitivities(found, arguments)))
     else:
         more = details_of_cycle(found, verification) if arguments.details else ()
         print(f"{verdict(verification)}: ", end="")
-        sensitivity = _told_sensitivity(found, arguments)
+        sensitivity = told_of_sensitivity(_sensitivities(found, arguments))
         print(*told_of_cycle(found, verification), *more, *sensitivity, sep="\n")
         print_written(files, before)
     return say_failures(verification.failures())
@@ -317,17 +322,12 @@ def _drawn(arguments: argparse.Namespace) -> dict[str, bool]:
     return {"chart": not arguments.no_plot, "report": arguments.report}
 
 
-def _told_sensitivity(found: object, arguments: argparse.Namespace) -> Iterator[str]:
-    """Lines on how the duration depends on every number, where that is asked for."""
-    if arguments.sensitivity and isinstance(found, Plan | CyclePlan):
-        yield from told_of_sensitivity(found.sensitivity())
-
-
-def _sensitivity(found: object, arguments: argparse.Namespace) -> dict[str, object]:
-    """The same for machines."""
-    if arguments.sensitivity and isinstance(found, Plan | CyclePlan):
-        return {"sensitivity": [each.as_dict() for each in found.sensitivity()]}
-    return {}
+def _sensitivities(
+    found: Plan | CyclePlan | StraightLine, arguments: argparse.Namespace
+) -> Sequence[Sensitivity]:
+    """How the duration depends on every number, where that is asked for."""
+    asked = arguments.sensitivity and not isinstance(found, StraightLine)
+    return found.sensitivity() if asked else ()
 
 
 def _for_machines(facts: Facts) -> dict[str, object]:

@@ -151,8 +151,15 @@ def _of_number(
     return Sensitivity(number, duration, float(slopes.mean()), error, below, above)
 
 
+def for_machines(each: Sequence[Sensitivity]) -> dict[str, object]:
+    """What is printed of sensitivities, for machines; empty without any."""
+    return {"sensitivity": [one.as_dict() for one in each]} if each else {}
+
+
 def told_of_sensitivity(each: Sequence[Sensitivity]) -> Iterator[str]:
-    """Lines on all that matter."""
+    """Lines on all that matter; none without any."""
+    if not each:
+        return
     yield "what a little more of a number would change:"
     yield from (f"  {one}" for one in each if one.told >= _TOLD)
     rest = sum(one.told < _TOLD for one in each)
