@@ -165,7 +165,6 @@ def shape(robot: Robot) -> dict[str, object]:
         "base_radius": robot.base_radius,
         "platform_radius": robot.platform_radius,
         "arm": robot.upper_arm.length,
-        "bars": robot.forearm.length,
         "half_width": robot.forearm.length / 20,
         "tool": list(robot.tool_offset),
         "azimuths": [[cos(azimuth), sin(azimuth)] for azimuth in AZIMUTHS],

@@ -87,14 +87,7 @@ function cursor(drawn, x, height) {
     upright.setAttribute("x2", place);
   };
 }
-function sampleAt(t) {
-  let low = 0, high = curves.t.length - 1;
-  while (low < high) {
-    const middle = (low + high + 1) >> 1;
-    if (curves.t[middle] <= t + 1e-9) low = middle; else high = middle - 1;
-  }
-  return low;
-}
+const sampleAt = (t) => curves.t.findLastIndex((each) => each <= t + 1e-9);
 
 // Curves that share an axis from least to most; bounds are dotted. Values are told by told.
 function chart({ title, note = "", own, styles, least, most, marks, bounds, told }) {
