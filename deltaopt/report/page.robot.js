@@ -89,32 +89,8 @@ function project(point) {
   const down = Math.cos(tilt) * x - Math.sin(tilt) * away;
   return [across + whole.middle[1], down + whole.middle[0], Math.cos(tilt) * away + Math.sin(tilt) * x];
 }
-const along = points.map((point) => point[i]);
-    return (Math.min(...along) + Math.max(...along)) / 2;
-  });
-  return { middle, radius: Math.max(...points.map((point) => Math.hypot(...minus(point, middle)))) };
-}
-const corners = [0, 0.25, 0.5, 0.75, 1].map((share) => Math.round(share * last)).flatMap((frame) => [
-  poses[frame].point,
-  ...poses[frame].chains.flatMap((chain) => [chain.shaft, chain.elbow, ...chain.bars.map((bar) => bar[1])]),
-]);
-const whole = around(corners), close = around([...path, ...ends]);
-// What the picture is fitted to: the robot, and of bodies, which may be much larger, what is near it.
-const reached = [0, 1, 2].map((i) => [Math.min, Math.max].map((most, k) =>
-  most(...corners.map((point) => point[i])) + (2 * k - 1) * 0.1 * whole.radius));
-const cell = [...corners, ...bodies.flatMap((body) => (body.corners ?? [-1, 1].map((side) =>
-  body.centre.map((value) => value + side * body.radius)))).map((point) =>
-  point.map((value, i) => within(value, ...reached[i])))];
-
-function project(point) {
-  const [x, y, z] = minus(point, whole.middle);
-  const across = Math.cos(turn) * y + Math.sin(turn) * z, away = Math.sin(turn) * y - Math.cos(turn) * z;
-  const down = Math.cos(tilt) * x - Math.sin(tilt) * away;
-  return [across + whole.middle[1], down + whole.middle[0], Math.cos(tilt) * away + Math.sin(tilt) * x];
-}
 const at = (point) => project(point).slice(0, 2).map((value) => value.toFixed(3)).join(",");
-const written = (points) => points.map((point) => point.slice(0, 2).map((value) => value.toFixed(3)).join(",")).join(" ");
-const along = (points) => written(points.map(project));
+const along = (points) => points.map(at).join(" ");
 
 const line = { fill: "none", "vector-effect": "non-scaling-stroke", "stroke-linecap": "round", "stroke-linejoin": "round" };
 const shade = { ...line, fill: "var(--glass)", "fill-opacity": 0.3, stroke: "var(--soft)", "stroke-width": 1 };
@@ -187,6 +163,7 @@ function hullOf(points) {
   };
   return [...half(sorted), ...half([...sorted].reverse())];
 }
+const written = (points) => points.map((point) => point.slice(0, 2).map((value) => value.toFixed(2)).join(",")).join(" ");
 function drawBodies() {
   bodies.forEach((body, i) => {
     const drawn = parts.bodies[i];
