@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, sin
+from math import cos, isnan, sin
 
 import numpy as np
 
@@ -16,7 +16,10 @@ from deltaopt.motion.trajectory import Trajectory, ends_of
 from deltaopt.output.body_outlines import corners_of, edges_of
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.robot import Robot, as_delta
+from deltaopt.scene.bodies import Body
 from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import MovingPoint
+from deltaopt.verify.clearance import distance_from, link_distances
 
 FRAMES = 400
 """Steps of the page's slider. A motion of 0.2 s has one each half millisecond; more would make the
@@ -50,18 +53,26 @@ def drawing(parts: Sequence[Moving]) -> dict[str, object]:
     steps = min(_MOST_PER_INTERVAL, max(2, -(-_SAMPLES // intervals)))
     inside = np.linspace(0, 1, steps)  # 0 and 1: both sides of a jump at a knot
     t = (whole.knots[:-1, None] + np.diff(whole.knots)[:, None] * inside).ravel()
+    finely = np.linspace(0, 1, _MOST_PER_INTERVAL)
     curves, spans = dict[_Name, Array](), dict[_Name, list[object]]()
+    near, least = dict[str, Array](), dict[str, float]()
     before = 0
     for part, begins in zip(parts, whole.begins.tolist(), strict=False):
         since = begins - part.trajectory.knots[0]
         for curve in share_curves(problem_of(part.scene), part.trajectory, inside):
             values = curves.setdefault((curve.limit, curve.subject), np.zeros(len(t)))
             values[before : before + len(curve.values)] = curve.values
+        for body, distances in clearances(part.scene, part.trajectory, inside).items():
+            values = near.setdefault(body, np.full(len(t), np.nan))
+            values[before : before + len(distances)] = 1e3 * distances
+        for body, distances in clearances(part.scene, part.trajectory, finely).items():
+            least[body] = min(least.get(body, np.inf), 1e3 * float(distances.min()))
         before += steps * (len(part.trajectory.knots) - 1)
         for each in part.active:
             held = [[span.begin + since, span.end + since, span.upper] for span in each.spans]
             spans.setdefault((each.limit, each.subject), []).extend(held)
     vias = dict.fromkeys(via for part in parts for via in part.scene.task.via)
+    kept_out = [part.scene for part in parts if part.scene.keep_out]
     drawn = {repr(body): body for part in parts for body in bodies(part.scene)}
     return {
         "duration": whole.duration,
@@ -70,6 +81,7 @@ def drawing(parts: Sequence[Moving]) -> dict[str, object]:
         "goal": goal,
         "via": [{"at": list(each.position), "within": each.within} for each in vias],
         "bodies": list(drawn.values()),
+        "belts": [way for part in parts for way in _belts(part)],
         "frames": {
             "t": _rounded(frames.t, 7),
             "x": _rounded(frames.x, 7),
@@ -80,6 +92,17 @@ def drawing(parts: Sequence[Moving]) -> dict[str, object]:
             "of": [
                 {"limit": limit, "subject": subject, "values": _rounded(values, 4)}
                 for (limit, subject), values in curves.items()
+            ],
+        },
+        "clearance": {
+            "asked": sorted({1e3 * scene.least_clearance for scene in kept_out}),
+            "of": [
+                {
+                    "subject": body,
+                    "values": _rounded_or_none(values, 3),
+                    "least": round(least[body], 3),
+                }
+                for body, values in near.items()
             ],
         },
         "active": [
@@ -96,7 +119,7 @@ def bodies(scene: Scene) -> list[dict[str, object]]:
     reach = _DISC * scene.robot.reach
     about = np.array(scene.task.start.position)
     for index, body in enumerate(scene.keep_out or ()):
-        name = f"keep_out[{index}], a {body.kind}"
+        name = _name_of(index, body)
         if body.sphere is not None:
             ball = {"centre": list(body.sphere.centre), "radius": body.sphere.radius}
             found.append({"name": name, **ball})
@@ -105,6 +128,32 @@ def bodies(scene: Scene) -> list[dict[str, object]]:
         corners = [] if body.half_space else _rounded(corners_of(body, reach), 6)
         found.append({"name": name, "corners": corners, "edges": edges})
     return found
+
+
+def clearances(scene: Scene, trajectory: Trajectory, inside: Array) -> dict[str, Array]:
+    """Distances, m, at fractions of every interval, (K n,), from each keep-out body of what keeps
+    clear of it: the tool, and where the scene says so arms and forearms."""
+    motion, found = trajectory.inside_intervals(inside), dict[str, Array]()
+    names = [_name_of(index, body) for index, body in enumerate(scene.keep_out or ())]
+    for index, grown in scene.obstacles:
+        distance, _ = distance_from(grown, motion.x)
+        found[names[index]] = np.minimum(found.get(names[index], np.inf), distance)
+    if names and scene.robot_keeps_clear:
+        links = link_distances(scene, motion.x, motion.theta).min(axis=1)
+        found = {name: np.minimum(found[name], of) for name, of in zip(names, links.T, strict=True)}
+    return found
+
+
+def _name_of(index: int, body: Body) -> str:
+    return f"keep_out[{index}], a {body.kind}"
+
+
+def _belts(part: Moving) -> list[list[list[float]]]:
+    """Where a goal on a belt is when the motion begins and when it ends, m; none at rest."""
+    goal, motion = part.scene.task.goal, part.trajectory
+    if not isinstance(goal, MovingPoint):
+        return []
+    return [[list(goal.position), motion(motion.knots[[-1]]).x[0].tolist()]]
 
 
 def shape(robot: Robot) -> dict[str, object]:
@@ -116,7 +165,6 @@ def shape(robot: Robot) -> dict[str, object]:
         "base_radius": robot.base_radius,
         "platform_radius": robot.platform_radius,
         "arm": robot.upper_arm.length,
-        "bars": robot.forearm.length,
         "half_width": robot.forearm.length / 20,
         "tool": list(robot.tool_offset),
         "azimuths": [[cos(azimuth), sin(azimuth)] for azimuth in AZIMUTHS],
@@ -126,3 +174,8 @@ def shape(robot: Robot) -> dict[str, object]:
 def _rounded(values: Array, digits: int) -> object:
     """As lists; negative zeros become zero."""
     return (np.round(values, digits) + 0.0).tolist()
+
+
+def _rounded_or_none(values: Array, digits: int) -> list[float | None]:
+    """As a list; None for what is not known."""
+    return [None if isnan(value) else round(value, digits) for value in values.tolist()]

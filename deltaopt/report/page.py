@@ -9,7 +9,7 @@ files.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from math import isfinite
@@ -23,12 +23,12 @@ from deltaopt.output.facts import Facts, StraightLine, motor_facts, title, toget
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.first_motions.around_bodies import CLEAR
 from deltaopt.planning.plan import Plan, TakenWay
-from deltaopt.plots.colours import COLOURS, OF_LIMITS
+from deltaopt.plots.colours import COLOURS, LINE_COLOURS, OF_LIMITS
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.report.modelled import modelled, not_modelled
 from deltaopt.report.moving_robot import Moving, drawing
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import MovingEnds, ends_in_words
+from deltaopt.scene.task import MovingEnds, MovingPoint, ends_in_words
 from deltaopt.verify.cycle import CycleVerification
 from deltaopt.verify.duty import Duty
 from deltaopt.verify.verification import Verification
@@ -47,12 +47,13 @@ def report(facts: Facts) -> str:
     parts = [
         _head(facts),
         _figures([scene]),
+        _section(*_compared({**facts.straight_lines, "this plan": trajectory.duration})),
         _section("Ways past the bodies", _ways(facts.found.ways)),
-        _section("What was attempted", _attempts(facts.found)),
         _section("What limits the motion", _list(_limits(facts))),
-        _section("Verification", _verification(verification)),
         _section("Duty of the motors", _duty(verification.duty)),
+        _section("Verification", _verification(verification)),
         _section("Distance to singularities", _singularities(verification)),
+        _section("What was attempted", _attempts(facts.found)),
         _section("What is modelled", terms),
     ]
     name = f"{title(scene.task, trajectory.duration)}, {scene.robot.name}"
@@ -69,12 +70,10 @@ def cycle_report(plan: CyclePlan, verification: CycleVerification) -> str:
         moving.append(Moving(leg.scene, leg.trajectory, active))
         moving += [] if wait is None else [Moving(leg.scene, wait, ())]
     parts = [
-        f'<header><p class="robot">{escape(robot)}</p><h1>{escape(headline)}</h1></header>',
+        f'<header><p class="robot">{escape(robot)}</p>\n<h1>{escape(headline)}</h1>\n'
+        f"{_verdict(verification)}</header>",
         _figures([leg.scene for leg in plan.legs]),
-        _section(
-            "Legs, motors and verification",
-            _list(map(str.strip, [*told, *verification.failures()])),
-        ),
+        _section("Legs and motors", _list(line.strip().replace("; ", ";\n") for line in told)),
         _section("Duty of the motors", _duty(verification.duty)),
     ]
     return _page(f"{headline}, {robot}", parts, moving)
@@ -82,7 +81,11 @@ def cycle_report(plan: CyclePlan, verification: CycleVerification) -> str:
 
 def _page(title: str, parts: Iterable[str], moving: Sequence[Moving]) -> str:
     """A page with a title, its parts and what its script draws."""
-    colours = {"motor_colours": COLOURS, "limit_colours": OF_LIMITS}
+    colours = {
+        "motor_colours": COLOURS,
+        "limit_colours": OF_LIMITS,
+        "body_colours": LINE_COLOURS[:6],
+    }
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -101,7 +104,11 @@ def _page(title: str, parts: Iterable[str], moving: Sequence[Moving]) -> str:
 </main>
 <script type="application/json" id="plan">{_json(drawing(moving) | colours)}</script>
 <script>
-{_own_file("page.js")}</script>
+"use strict";
+{{
+{_own_file("page.robot.js")}
+{_own_file("page.js")}}}
+</script>
 </body>
 </html>
 """
@@ -114,6 +121,7 @@ def _limits(facts: Facts) -> list[str]:
     ]
 
 
+_VERIFIED = "Verified by code that the planner does not use: every limit is kept at every instant."
 _PICKS = """ The parts per minute
 count the way there and one as long back, and no time for gripping."""
 
@@ -136,19 +144,21 @@ def _head(facts: Facts) -> str:
             else "on the path that the scene gives."
         )
     )
-    verified = (
-        "Verified by code that the planner does not use: every limit is kept at every instant."
-        if verification.ok
-        else "Verification failed: " + "; ".join(verification.failures()) + "."
-    )
     return f"""<header>
 <p class="robot">{escape(scene.robot.name)}</p>
 <h1>{escape(title(scene.task, trajectory.duration))}</h1>
 <p>{escape(way)} from {escape(ends_in_words(scene.task))}, {escape(payload)}.{picks}</p>
 <p>{escape(optimality)}</p>
-<p class="{"good" if verification.ok else "bad"}">{escape(verified)}</p>
-</header>
+{_verdict(verification)}</header>
 """
+
+
+def _verdict(verification: Verification | CycleVerification) -> str:
+    if verification.ok:
+        return f'<p class="good">{_VERIFIED}</p>\n'
+    return (
+        f'<p class="bad">Verification failed: {escape("; ".join(verification.failures()))}.</p>\n'
+    )
 
 
 def _other_ways(found: Plan | StraightLine) -> str:
@@ -169,6 +179,24 @@ def _counted(number: int, what: str) -> str:
     """A number of things: "one other way", "3 other ways"."""
     plural = {"other way": "other ways", "other local optimum": "other local optima"}
     return f"one {what}" if number == 1 else f"{number} {plural[what]}"
+
+
+def _compared(durations: Mapping[str, float]) -> tuple[str, str]:
+    """A title that says what the motion, the last, saves against the best of the others, and bars
+    of all; no bars where it is alone."""
+    *others, (_, own) = durations.items()
+    if not others:
+        return "", ""
+    best, other = min(others, key=lambda each: each[1])
+    how = "less" if own < other else "more"
+    longest = max(durations.values())
+    bars = "".join(
+        f"<dt>{escape(name)}</dt>"
+        f'<dd style="width: {100 * duration / longest:.1f}%">{duration:.4f} s</dd>'
+        for name, duration in durations.items()
+    )
+    said = f"{_percent(abs(own / other - 1))} {how} time than {' '.join(best.split())}"
+    return said, f'<dl class="bars">{bars}</dl>'
 
 
 def _ways(ways: Sequence[TakenWay]) -> str:
@@ -198,6 +226,9 @@ def _figures(scenes: Sequence[Scene]) -> str:
         "Bodies are grey, as if of glass: turn the robot to see on which side the path passes.": (
             any(scene.keep_out is not None for scene in scenes)
         ),
+        "Orange is the way of a goal on its belt meanwhile.": any(
+            isinstance(scene.task.goal, MovingPoint) for scene in scenes
+        ),
         "Diamonds are via points, circles about them the spheres that are passed.": bool(
             any(scene.task.via for scene in scenes)
         ),
@@ -206,7 +237,7 @@ def _figures(scenes: Sequence[Scene]) -> str:
     return _FIGURES.replace(_HINT, _HINT + escape(told))
 
 
-_HINT = "Up is up. Drag to turn the robot. The dotted line is the straight line."
+_HINT = "Up is up. Drag to turn the robot, wheel to come closer. Dotted: the straight line."
 _FIGURES = f"""<section class="figures">
 <div class="robot-side">
 <h2>Motion</h2>
@@ -223,7 +254,7 @@ _FIGURES = f"""<section class="figures">
 <div class="curve-side">
 <h2>Every limit over time</h2>
 <p class="hint">As a share of its bound: 100 % is the limit, −100 % the limit in the other
-direction.</p>
+direction. Point at a chart to read it, drag to move the robot.</p>
 <div id="curves"></div>
 <h2>Which limit holds when</h2>
 <div id="bands"></div>
@@ -269,7 +300,7 @@ def _duty(duty: Duty | None) -> str:
 
 def _singularities(verification: Verification) -> str:
     rows = [
-        (each.name, f"{each.least:.2g}", f"{each.subject} at {1e3 * each.t:.4g} ms")
+        (each.name, f"{each.least:.2g}", f"{each.subject} at {1e3 * each.t:.1f} ms")
         for each in verification.distances
     ]
     if not rows:

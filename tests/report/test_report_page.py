@@ -80,7 +80,7 @@ def test_the_page_of_a_cycle_plays_the_whole_period():
     body = Body.model_validate({"sphere": {"centre": (0.6, 0.0, 0.0), "radius": 0.02}})
     back = cycle.legs[1].model_copy(update={"keep_out": (body,)})
     cycle = cycle.model_copy(update={"legs": (cycle.legs[0], back)})
-    found = plan_cycle(cycle, tolerance=1e-2)
+    found = plan_cycle(cycle, tolerance=1e-3)
     text = cycle_report(found, verified(found))
     drawn = embedded(text)
     t, motion = np.array(drawn["frames"]["t"]), found.trajectory(drawn["frames"]["t"])
@@ -97,6 +97,10 @@ def test_the_page_of_a_cycle_plays_the_whole_period():
     given = found.trajectory(at).tau[:, 1] / 40.0
     assert np.array(torque["values"])[1:][inside] == pytest.approx(given, abs=2e-3)
     assert [body["radius"] for body in drawn["bodies"]] == [0.02]
+    (near,) = drawn["clearance"]["of"]
+    there = np.array([value is None for value in near["values"]])  # no body on the way there
+    assert there[instants < found.phases[0] - 1e-6].all()
+    assert not there[instants > found.phases[0] + found.phases[1] + 1e-6].any()
     spans = [span for each in drawn["active"] for span in each["spans"]]
     assert max(span[1] for span in spans) > found.phases[0] + found.phases[1]
     assert str(Text(text)).count("parts per minute") == 2
@@ -267,6 +271,34 @@ def test_bodies_are_told_and_collisions_with_others_are_not_modelled(planned):
     assert "Diamonds" not in plain
 
 
+def test_distances_from_bodies_are_those_of_their_shapes():
+    """In mm; the tool is a point, whose distances from a sphere and a plane are known."""
+    line = baseline(NARROW)
+    drawn = embedded(report(of_line(NARROW, line)))
+    assert drawn["clearance"]["asked"] == [1e3 * NARROW.least_clearance]
+    near = {each["subject"]: each for each in drawn["clearance"]["of"]}
+    assert len(near) == len(BODIES)
+    x = 1e3 * line(np.array(drawn["curves"]["t"])).x
+    sphere = np.linalg.norm(x - 1e3 * np.array([0.87, 0.0, 0.02]), axis=1) - 20
+    found = near["keep_out[0], a sphere"]
+    assert found["values"] == pytest.approx(sphere, abs=2e-3)
+    assert found["least"] == pytest.approx(sphere.min(), abs=0.1)
+    assert near["keep_out[3], a half-space"]["values"] == pytest.approx(950 - x[:, 0], abs=2e-3)
+
+
+def test_durations_are_compared_as_in_the_picture(planned):
+    """What is compared with the motion are the straight lines that keep the scene."""
+    found, verification = planned
+    facts = Facts(SCENE, found.trajectory, found, verification)
+    text = str(Text(report(facts)))
+    best = min(facts.straight_lines.values())
+    assert f"{100 * (1 - found.duration / best):.2g} % less time than the line" in text
+    for duration in (*facts.straight_lines.values(), found.duration):
+        assert f"{duration:.4f} s" in text
+    assert text.index("Duty of the motors") < text.index("Verification Each")
+    assert "less time" not in str(Text(report(of_line(NARROW, baseline(NARROW)))))
+
+
 # In a browser
 
 
@@ -381,6 +413,87 @@ def test_bodies_and_via_points_are_drawn_where_they_are(browser, narrow):
         assert drawn[3].locator("polygon").get_attribute("points") == ""
     assert drawn[0].locator("title").text_content() == "keep_out[0], a sphere"
     assert opened.said == []
+    opened.page.close()
+
+
+def test_the_wheel_comes_closer_and_large_bodies_do_not_shrink_the_robot(browser, page, narrow):
+    """In both scenes the robot is the same; a table of metres takes a quarter more at most."""
+
+    def seen(opened):
+        return float(opened.page.locator("#robot").get_attribute("viewBox").split()[2])
+
+    opened, beside = Opened(browser, page), Opened(browser, narrow)
+    scene = load_scene(PROBLEMS / "pick_and_place.yaml")
+    lengths = [each.robot.upper_arm.length + each.robot.forearm.length for each in (scene, NARROW)]
+    assert seen(beside) / lengths[1] < 1.25 * seen(opened) / lengths[0]
+    before = seen(opened)
+    opened.page.locator("#robot").hover()
+    opened.page.mouse.wheel(0, -200)
+    opened.page.wait_for_function(
+        "w => Number(document.getElementById('robot').getAttribute('viewBox').split(' ')[2]) < w",
+        arg=before,
+    )
+    assert seen(opened) == pytest.approx(before * np.exp(-0.5), rel=1e-3)
+    opened.page.locator("[data-view=side]").click()
+    opened.page.locator("[data-view=oblique]").click()
+    assert seen(opened) == pytest.approx(before)
+    assert opened.said == beside.said == []
+    opened.page.close()
+    beside.page.close()
+
+
+def test_charts_tell_what_is_under_the_pointer(browser, planned, page):
+    """The values at the pointer's instant; the robot stays where it is. Ticks are round."""
+    opened, trajectory = Opened(browser, page), planned[0].trajectory
+    box = opened.page.locator("#curves svg[role=img]").first.bounding_box()
+    opened.page.mouse.move(box["x"] + 62 + 0.3 * (box["width"] - 74), box["y"] + 60)
+    told = opened.page.locator(".tip").inner_text()
+    assert told.startswith(f"{300 * trajectory.duration:.1f} ms")
+    percents = [float(n.replace("−", "-")) for n in re.findall(r"(−?\d+) %", told)]
+    expected = 10 * trajectory(0.3 * trajectory.duration).tau[0]
+    np.testing.assert_allclose(percents, expected, atol=3.0)
+    assert opened.frame() == 0
+    opened.page.mouse.move(5, 5)
+    assert not opened.page.locator(".tip").is_visible()
+    texts = opened.page.locator("#curves svg[role=img] > text").all_text_contents()
+    times = [float(text.removesuffix(" ms")) for text in texts if "%" not in text]
+    assert np.diff(times) == pytest.approx(times[1] - times[0])
+    assert f"{times[1]:.0e}"[0] in "125"
+    opened.page.close()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_writing_is_seen_on_its_ground(browser, page, scheme):
+    """Contrast of text by WCAG's formula: at least 4.5, in charts too."""
+    opened = Opened(browser, page)
+    opened.page.emulate_media(color_scheme=scheme)
+
+    def luminance(colour):
+        c = np.array([int(n) for n in re.findall(r"\d+", colour)[:3]]) / 255
+        linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+        return linear @ [0.2126, 0.7152, 0.0722]
+
+    def style(element, name):
+        return opened.page.locator(element).first.evaluate(f"e => getComputedStyle(e).{name}")
+
+    ground = luminance(style("body", "backgroundColor"))
+    inks = [
+        style("h1", "color"),
+        style("#curves svg[role=img] > text", "fill"),
+        style("#arm1 ~ text", "fill"),
+    ]
+    assert (ground < 0.2) == (scheme == "dark")
+    for ink in map(luminance, inks):
+        assert (max(ink, ground) + 0.05) / (min(ink, ground) + 0.05) > 4.5
+    opened.page.close()
+
+
+def test_print_has_no_controls(browser, page):
+    opened = Opened(browser, page)
+    opened.page.emulate_media(media="print")
+    for control in ("#play", "#time", "#pace", ".views", ".hint"):
+        assert not opened.page.locator(control).first.is_visible()
+    assert opened.page.locator("#now").is_visible()
     opened.page.close()
 
 
