@@ -1,4 +1,4 @@
-"""Bisection: of an interval until a change is found, and of parts until enough is known of each."""
+"""Halving: of an interval until a change is found, and of parts until enough is known of each."""
 
 from __future__ import annotations
 
@@ -12,20 +12,6 @@ from numpy.typing import NDArray
 from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial
 
 Truths = NDArray[np.bool]
-
-
-def bisected(
-    is_beyond: Callable[[Array], Truths], low: Array, high: Array, bisections: int
-) -> tuple[Array, Array]:
-    """Intervals about where something changes, halved: their ends, (N,) each.
-
-    ``is_beyond``: of places, (N,), one in each interval: whether it has changed there already.
-    """
-    for _ in range(bisections):
-        middle = (low + high) / 2
-        beyond = is_beyond(middle)
-        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
-    return low, high
 
 
 def bisected_number(
@@ -42,29 +28,41 @@ def bisected_number(
 
 
 def nearest_on_lines(
-    gradient: Callable[[Array], Array], begin: Array, way: Array, bisections: int
+    gradient: Callable[[Array], Array], begin: Array, way: Array, error: float
 ) -> Array:
-    """At which shares of lines, from 0 to 1, a convex function is least, (…).
+    """At which shares of lines, from 0 to 1, a convex function is least, (…), to within an error of
+    its value.
 
-    ``gradient``: of the function at places (…, 3). ``begin``, ``way``: of the lines, (…, 3).
+    Where its slope changes sign is found by Ridders' method, which halves an interval at least, and
+    is of second order where the slope is smooth. A convex function is nowhere in an interval less
+    than at one of its places by more than its slope there times the interval.
+
+    ``gradient``: of the function at places (N, 3). ``begin``, ``way``: of the lines, (…, 3).
     """
+    low, high = np.zeros(begin.shape[:-1]), np.ones(begin.shape[:-1])
 
-    def slopes(share: Array, begin: Array, way: Array) -> Array:
-        return np.asarray((gradient(begin + share[..., None] * way) * way).sum(axis=-1))
+    def slopes(share: Array, which: Truths) -> Array:
+        own = way[which]
+        return np.asarray((gradient(begin[which] + share[:, None] * own) * own).sum(axis=1))
 
-    at_begin, at_end = np.zeros(begin.shape[:-1]), np.ones(begin.shape[:-1])
-    falls = slopes(at_begin, begin, way) < 0
-    within = falls & (slopes(at_end, begin, way) > 0)
-    share = np.where(falls, at_end, at_begin)
-    if within.any():
-        own, their_way = begin[within], way[within]
-        low, high = bisected(
-            lambda middle: slopes(middle, own, their_way) > 0,
-            at_begin[within],
-            at_end[within],
-            bisections,
-        )
-        share[within] = (low + high) / 2
+    everywhere = np.ones(low.shape, dtype=np.bool)
+    falling = slopes(low.ravel(), everywhere).reshape(low.shape)
+    rising = slopes(high.ravel(), everywhere).reshape(low.shape)
+    share = np.where(falling < 0, high, low)
+    is_open = (falling < 0) & (rising > 0)
+    while is_open.any():
+        a, b, down, up = (each[is_open] for each in (low, high, falling, rising))
+        middle = (a + b) / 2
+        there = slopes(middle, is_open)
+        place = middle - (b - a) / 2 * there / np.sqrt(there**2 - down * up)
+        slope = slopes(place, is_open)
+        for each, its_slope in ((middle, there), (place, slope)):
+            rises = its_slope > 0
+            a, down = np.where(rises, a, each), np.where(rises, down, its_slope)
+            b, up = np.where(rises, each, b), np.where(rises, its_slope, up)
+        low[is_open], high[is_open], falling[is_open], rising[is_open] = a, b, down, up
+        share[is_open] = place
+        is_open[is_open] = np.abs(slope) * (b - a) > error
     return share
 
 

@@ -19,6 +19,7 @@ bounds it from below, and with it θ̇ and θ̈. Parts of a motion are halved un
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,7 +31,7 @@ from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.solids import Solid
 from deltaopt.scene.bodies import solids_about
 from deltaopt.scene.links import (
-    BISECTIONS,
+    CLOSELY,
     LINKS,
     LinkGeometry,
     each_link,
@@ -48,44 +49,53 @@ _LEAST_SHARE = 0.5
 """Of |u·e′| at an instant, down to which it may fall within a part."""
 
 
-def least_rooms(scene: Scene, motion: Trajectory, enough: float = 0.0) -> Array:
+def least_rooms(
+    scene: Scene,
+    motion: Trajectory,
+    enough: float = 0.0,
+    pairs: Iterable[tuple[int, int]] | None = None,
+) -> Array:
     """By how much more than its radius and the scene's clearance each link stays away from each
-    body at least, at all instants, (6, bodies), m; negative where it does not.
+    body at least, at all instants, (6, bodies), m; negative where it does not. ``pairs``: of a link
+    and a body that are looked at, if not all; others are as if infinitely far away.
 
     More than ``enough`` (m) it is a bound that may be far too low, less it is what is seen at the
     worst of many instants, and NaN where the motion is out of reach.
     """
     bodies, kept = solids_about(scene.keep_out or ()), kept_from_bodies(scene)
     least = np.full((LINKS, len(bodies)), np.inf)
+    looked_at: dict[int, list[int]] = {}
+    for link, body in np.ndindex(least.shape) if pairs is None else pairs:
+        looked_at.setdefault(body, []).append(link)
 
     def unknown(parts: Parts, is_last: bool) -> Truths:
         lines = _lines(delta_model(scene.robot, motion.model.payload), parts)
         is_open = np.zeros(len(parts), np.bool)
-        for b, body in enumerate(bodies):
-            now, bound = lines.rooms(body, kept)  # (parts, 6) each
+        for b, links in looked_at.items():
+            now, bound = lines.rooms(links, bodies[b], kept)  # (parts, links) each
             is_too_near, below = ~(now >= enough), np.minimum(now, bound)
             is_known = is_too_near | (below >= enough) | is_last
             own = np.where(is_known, np.where(is_too_near, now, below), np.inf).min(axis=0)
-            least[:, b] = np.minimum(least[:, b], own)
+            least[links, b] = np.minimum(least[links, b], own)
             is_open |= ~is_known.all(axis=1)
         return is_open
 
-    most = _MOST // max(1, len(bodies))
+    most = _MOST // max(1, len(looked_at))
     halve_until_known(Parts.of(motion.position, _FIRST), unknown, _HALVINGS, most)
     return least
 
 
-def planned_distances(scene: Scene, x: Array, bisections: int = BISECTIONS) -> tuple[Array, Array]:
+def planned_distances(scene: Scene, x: Array, error: float = CLOSELY) -> tuple[Array, Array]:
     """How far the lines of ``Scene.kept_links`` are from bodies with the tool's point at places
     (N, 3), m, (N, pairs), and the derivatives of that by the place, (N, pairs, 3). NaN out of
-    reach. ``bisections``: of each line, for its nearest place."""
+    reach. ``error``: to what distances are found, m."""
     geometry = LinkGeometry.of(delta_model(scene.robot, scene.payload), x)
     distances = np.zeros((len(x), len(scene.kept_links)))
     slopes = np.zeros((*distances.shape, 3))
     begin, end = geometry.links
     for k, kept in enumerate(scene.kept_links):
         which = slice(kept.link, kept.link + 1)
-        share, distance, normal = nearest(kept.body, begin[:, which], end[:, which], bisections)
+        share, distance, normal = nearest(kept.body, begin[:, which], end[:, which], error)
         distances[:, k] = distance[:, 0]
         slopes[:, k] = geometry.slope(kept.link, share[:, 0], normal[:, 0])
     return distances, slopes
@@ -105,18 +115,19 @@ class _Lines:
     bends: Array
     half: Array
 
-    def rooms(self, body: Solid, kept: Array) -> tuple[Array, Array]:
-        """By how much more than is kept, (6,), m, the lines stay away from a body: now, and at
-        least in all of the part, (parts, 6) each."""
-        way = self.ends - self.begins
-        share, distance, normal = nearest(body, self.begins, self.ends)
+    def rooms(self, links: list[int], body: Solid, kept: Array) -> tuple[Array, Array]:
+        """By how much more than is kept, (6,), m, the lines of some links stay away from a body:
+        now, and at least in all of the part, (parts, links) each."""
+        begins, ends = self.begins[:, links], self.ends[:, links]
+        way = ends - begins
+        share, distance, normal = nearest(body, begins, ends)
         along = (normal * way).sum(axis=2)
         ahead = np.stack([-share * along, (1 - share) * along], axis=2)
-        rates = np.stack([self.begin_rates, self.end_rates], axis=2)
+        rates = np.stack([self.begin_rates[:, links], self.end_rates[:, links]], axis=2)
         moved = np.abs(np.einsum("plc,plec->ple", normal, rates)) * self.half[:, None, None]
-        off = self.bends * self.half[:, None, None] ** 2 / 2
+        off = self.bends[:, links] * self.half[:, None, None] ** 2 / 2
         bound = distance + (ahead - moved - off).min(axis=2)
-        return distance - kept, bound - kept
+        return distance - kept[links], bound - kept[links]
 
 
 def _lines(model: DeltaModel, parts: Parts) -> _Lines:

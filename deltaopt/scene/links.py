@@ -17,8 +17,8 @@ from deltaopt.scene.scene import Scene
 
 LINKS = 6
 """Arm 1, forearm 1, arm 2, and so on."""
-BISECTIONS, ROUGH_BISECTIONS = 40, 14
-"""Of a line, for its nearest place, to 1e-12 of it; and where 6e-5 of it will do."""
+CLOSELY, ROUGHLY = 1e-13, 2e-5
+"""m: to what the distance of a line is found, and where about that will do."""
 
 
 def name_of(link: int) -> str:
@@ -103,11 +103,11 @@ def each_link(of_arms: Array, of_forearms: Array) -> Array:
 
 
 def nearest(
-    body: Solid, begin: Array, end: Array, bisections: int = BISECTIONS
+    body: Solid, begin: Array, end: Array, error: float = CLOSELY
 ) -> tuple[Array, Array, Array]:
     """At which shares of lines, from 0 to 1, they are nearest to a body, (N, lines), how far they
-    are there, m, and in which direction that grows, (N, lines, 3)."""
-    share = nearest_on_lines(lambda x: _distance(body, x)[1], begin, end - begin, bisections)
+    are there, m, to within an ``error``, m, and in which direction that grows, (N, lines, 3)."""
+    share = nearest_on_lines(lambda x: _distance(body, x)[1], begin, end - begin, error)
     return share, *_distance(body, begin + share[..., None] * (end - begin))
 
 

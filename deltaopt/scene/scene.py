@@ -142,7 +142,7 @@ class Scene(Record):
         """What the tool's point must stay out of: keep-out bodies grown by the tool."""
         return tuple(convex for _, convex in self.obstacles)
 
-    @property
+    @cached_property
     def kept_links(self) -> tuple[KeptLink, ...]:
         """Which arms and forearms are planned to keep clear of which bodies: ``planned_links``, of
         a scene as a planner has it (``planning/links_clear.py``)."""

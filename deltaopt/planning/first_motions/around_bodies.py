@@ -142,10 +142,8 @@ def is_clear(scene: Scene, motion: Trajectory) -> bool:
     planned to be, at all instants."""
     if rows_not_kept(problem_of(scene), motion.position).any():
         return False
-    if not scene.planned_links:
-        return True
-    rooms = least_rooms(scene, motion)
-    return all(rooms[link, body] >= 0 for link, body, _ in scene.planned_links)
+    planned = [(link, body) for link, body, _ in scene.planned_links]
+    return not planned or bool((least_rooms(scene, motion, pairs=planned) >= 0).all())
 
 
 def _driven(scene: Scene, band: Array) -> Trajectory | None:

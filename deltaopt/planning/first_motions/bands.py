@@ -20,7 +20,7 @@ from deltaopt.motion.sure_bounds import signed_distances, sure_excess
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.known_limits import limits_of
-from deltaopt.scene.links import ROUGH_BISECTIONS, name_of
+from deltaopt.scene.links import ROUGHLY, name_of
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
 
@@ -87,7 +87,7 @@ class Bodies:
         distance, slope = signed_distances(problem_of(self.scene), x)
         if not self.scene.planned_links:
             return distance, slope
-        of_links, by_place = planned_distances(self.scene, x, ROUGH_BISECTIONS)
+        of_links, by_place = planned_distances(self.scene, x, ROUGHLY)
         out_of_reach = np.isnan(of_links)  # where another limit holds
         of_links[out_of_reach], by_place[out_of_reach] = np.inf, 0.0
         return np.hstack([distance, of_links]), np.hstack([slope, by_place])
