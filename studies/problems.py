@@ -20,8 +20,8 @@ ORSINO, INDUSTRIAL = ROBOTS
 
 
 def shipped_scenes() -> list[Path]:
-    """The files of all shipped single motions, those of robots, cycles and designs left out."""
-    others = tuple(PROBLEMS / name for name in ("robots", "cycles", "design"))
+    """The files of all shipped single motions, those of robots, cycles, sweeps and designs left out."""
+    others = tuple(PROBLEMS / name for name in ("robots", "cycles", "sweeps", "design"))
     return [file for file in sorted(PROBLEMS.rglob("*.yaml")) if file.parent not in others]
 
 

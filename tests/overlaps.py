@@ -46,7 +46,7 @@ def overlaps(figure: Figure) -> list[str]:
 
 def _inside(axes: Axes) -> Iterator[Text]:
     """Texts that belong into the panel, those of its legend if that is in it."""
-    yield from (text for text in axes.texts if _shown(text))
+    yield from (text for text in axes.texts if _shown(text) and not _is_beside(axes, text))
     legend = axes.get_legend()
     if legend is not None and axes.get_window_extent().overlaps(
         _shrunk(legend.get_window_extent())
@@ -64,7 +64,13 @@ def _outside(axes: Axes) -> Iterator[Text]:
     if legend is not None:
         inside = set(_inside(axes))
         texts += [text for text in legend.get_texts() if text not in inside]
+    texts += [text for text in axes.texts if _is_beside(axes, text)]
     yield from (text for text in texts if _shown(text))
+
+
+def _is_beside(axes: Axes, text: Text) -> bool:
+    """Whether a text begins where the panel ends, as the name of a line at the line's end does."""
+    return bool(_box(text).x0 >= axes.get_window_extent().x1)
 
 
 def _ticks(axis: Axis) -> Iterator[Text]:

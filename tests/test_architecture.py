@@ -103,7 +103,7 @@ of Deltas."""
 ONLY_IN = {
     "matplotlib": {"plots"},
     "yaml": {"files"},
-    "pydantic": {"files", "robot", "scene", "sweeps"},
+    "pydantic": {"files", "robot", "scene", "sweeps", "designs"},
     "pint": {"files"},
 }
 

@@ -138,6 +138,7 @@ def _try(found: Compiler, source: str, folder: Path) -> Path | None:
         lock.touch()
         with locked(lock):  # another process may be compiling it: once on a machine is enough
             built = intact(kept) or _build(found, source, kept)
+            lock.unlink(missing_ok=True)
             return kept if built and intact(kept) else None
     except subprocess.TimeoutExpired:
         _LOG.warning("%s does not end and is not run again", found.command)

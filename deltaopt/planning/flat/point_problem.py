@@ -65,7 +65,8 @@ class PointProblem:
     function of y, and the strength, a function of p, (tau,) each; none without such parts. Of their
     curvature the method takes what makes the sum of weighted rows convex: where tanh bends within
     one step of an interval, the rest would ask for shifts of the Hessian that make steps short.
-    ``covers``: second derivatives of the rows by each u other than by tau, (rows, u).
+    ``covers``: second derivatives of the rows by each u other than by tau, (rows, u); none where
+    there are no such.
     ``own``: those of the parameters that each interval has of its own, next to each other in p.
     ``straight``: of how many of the last equations the method takes no curvature, as of rates of
     torques: that would be three quarters of the program, and saves no iteration.
@@ -166,7 +167,8 @@ class PointProblem:
             bending = -2 * ca.tanh(u) * (1 - ca.tanh(u) ** 2)
             along = ca.gradient(u, self.y)
             bent = slopes[k % self.coordinates] * self.strengths[k] * bending
-            bent += ca.dot(w[: self.rows.numel()], self.covers[:, k])
+            if self.covers.numel():
+                bent += ca.dot(w[: self.rows.numel()], self.covers[:, k])
             left_out += ca.fmin(bent, 0) * (along @ along.T)
         return left_out
 

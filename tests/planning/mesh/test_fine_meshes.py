@@ -96,11 +96,11 @@ def test_tightening_cures_what_slowing_pays_for():
     """On one mesh: the excess falls tenfold, and the duration hardly rises."""
     scaling, mesh = scaling_of(CROSS), np.full(400, 1 / 400)
     problem = flat_equations(CROSS).on(mesh)
-    plain = solve_on_mesh(problem, scaling, first_guess(CROSS, 1e-7), problem_of(CROSS))
+    plain = solve_on_mesh(problem, scaling, first_guess(CROSS, 1e-7))
     tighter = plain
     for _ in range(3):
         guess = Guess(tighter.trajectory, near=True, tolerance=1e-7)
-        tighter = solve_on_mesh(problem, tighter.tightened(mesh), guess, problem_of(CROSS))
+        tighter = solve_on_mesh(problem, tighter.tightened(mesh), guess)
     assert plain.safe_factor > 1 + 1e-5
     assert tighter.safe_factor - 1 < 0.1 * (plain.safe_factor - 1)
     assert (

@@ -46,7 +46,8 @@ def solved_on(
 class UnitMass:
     """What a trajectory needs of a model: coordinates and forces of a mass of 1 kg."""
 
-    functions = SimpleNamespace(motors=slice(3, None, 3))
+    functions = SimpleNamespace(motors=slice(3, None, 3), layers=lambda parameters: ())
+    layers = ()
 
     def motion(self, x, v, a):
         """Twelve coordinates, as a trajectory expects of three chains."""
@@ -81,7 +82,7 @@ class Line:
     def scaling(self) -> Scaling:
         """In a unit of time that is none of the answers."""
         ends = Boundary((0.0, 0.0, 0.0)), Boundary((self.d, 0.0, 0.0))
-        return Scaling(Problem(None, self.limits, ends), 1.3 * self.duration)
+        return Scaling(Problem(UnitMass(), self.limits, ends), 1.3 * self.duration)
 
     @property
     def limits(self) -> SceneLimits:
@@ -95,7 +96,10 @@ class Line:
     def equations(self) -> PointEquations:
         """Force is mass times acceleration."""
         constraints = self.limits.constraints
-        y, p = ca.SX.sym("y", 13), Parameters.symbols(constraints, ca.SX(0, 1))
+        y, p = (
+            ca.SX.sym("y", 13),
+            Parameters.symbols(constraints, UnitMass().functions, ca.SX(0, 1)),
+        )
         time = p.time * y[12]
         speed, acceleration = p.length * y[3:6] / time, p.length * y[6:9] / time**2
         rows = constraints.rows(SimpleNamespace(tau=p.torque * y[9:12], dtheta=speed), p.limits)

@@ -161,7 +161,7 @@ def test_one_motor_with_one_coordinate():
     constraints = Constraints(((Torque(), 1), (Speed(), 1)), motors=1)
     limits = SceneLimits(constraints, np.array([line.u, line.v]))
     ends = Boundary((0.0,)), Boundary((line.d,))
-    scaling = Scaling(Problem(None, limits, ends), 1.3 * line.duration)
+    scaling = Scaling(Problem(UnitMass(), limits, ends), 1.3 * line.duration)
     y, p = ca.SX.sym("y", 5), _one_coordinate(constraints)
     time = p.time * y[4]
     speed, acceleration = p.length * y[1] / time, p.length * y[2] / time**2
@@ -184,7 +184,8 @@ def _one_coordinate(constraints: Constraints) -> Parameters:
     """Parameters of a mechanism on a line."""
     names = ("origin", "length", "time", "torque")
     none, units = ca.SX(0, 1), (ca.SX.sym(name) for name in names)
-    return Parameters(*units, motors=none, limits=constraints.numbers(), mechanism=none)
+    others = dict.fromkeys(("motors", "mechanism", "cover", "widths"), none)
+    return Parameters(*units, limits=constraints.numbers(), **others)
 
 
 def orsino(which: int):
