@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 from deltaopt.motion.active_limits import ActiveLimit, active_limits
 from deltaopt.motion.certificate import Certificate
@@ -36,7 +37,7 @@ class StraightLine:
     gap: float | None = None
     tolerance: float | None = None
     certificate: Certificate | None = None
-    resolved: bool = False
+    resolved: ClassVar[bool] = False
     optima: Sequence[Optimum] = ()
     ways: Sequence[TakenWay] = ()
     phases: Sequence[float] = ()

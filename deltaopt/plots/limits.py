@@ -157,8 +157,8 @@ def _hamiltonian(axes: Axes, extremal: Extremal) -> None:
     axes.set_ylabel(r"$|H-\bar H|$")
     axes.set_xlabel(r"time $t$ (s)")
     axes.set_title(
-        f"Pontryagin's condition is met to {extremal.residual:.0e}:\n"
-        "no motion near it is better, others may be",
+        f"Pontryagin's condition: {extremal.residual:.0e};\n"
+        "no motion near it is better",
         fontsize=8,
     )
     without_box(axes)

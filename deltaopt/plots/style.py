@@ -118,7 +118,7 @@ def name_lines(axes: Axes, *, room: float, apart: float = 0.09) -> None:
     order = np.argsort(heights, kind="stable")
     for low, high in pairwise(order):
         heights[high] = max(heights[high], heights[low] + apart)
-    heights -= max(0.0, float(heights.max()) - (1 - apart / 2))
+    heights = np.minimum(heights, 1 - apart / 2)
     for high, low in pairwise(order[::-1]):
         heights[low] = min(heights[low], heights[high] - apart)
     for line, across, up in zip(named, places[:, 0], heights, strict=True):
