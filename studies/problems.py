@@ -20,7 +20,7 @@ ORSINO, INDUSTRIAL = ROBOTS
 
 
 def shipped_scenes() -> list[Path]:
-    """The files of all shipped single motions, those of robots, cycles, sweeps and designs left out."""
+    """The files of all shipped single motions: no robots, cycles, sweeps and designs."""
     others = tuple(PROBLEMS / name for name in ("robots", "cycles", "sweeps", "design"))
     return [file for file in sorted(PROBLEMS.rglob("*.yaml")) if file.parent not in others]
 

@@ -85,11 +85,7 @@ from deltaopt.scene.cycle import Cycle, there_and_back
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import has_cycle, load_cycle, load_scene
-from deltaopt.sensitivity.sensitivity import (
-    Sensitivity,
-    for_machines,
-    told_of_sensitivity,
-)
+from deltaopt.sensitivity.sensitivity import Sensitivity, for_machines, told_of_sensitivity
 from deltaopt.verify.verification import verify
 
 FORMULATIONS: dict[str, Callable[[LoopClosure], ProblemFormulation]] = {
@@ -229,9 +225,8 @@ def _run(arguments: argparse.Namespace) -> int:
     folders = output_folders(arguments)
     scenes = [_load(file, arguments.rated) for file in folders]
     if any(isinstance(scene, Scene) and scene.follows_path for scene in scenes):
-        _refuse(
-            arguments, ("baseline", "sensitivity"), "is for free paths; the scene gives its path"
-        )
+        others = ("baseline", "sensitivity")
+        _refuse(arguments, others, "is for free paths; the scene gives its path")
     if any(isinstance(scene, Cycle) for scene in scenes):
         others = ("baseline", "plot_limits")
         _refuse(arguments, others, "is for single motions; a cycle does not have it")

@@ -72,6 +72,11 @@ def design(
     ``derivatives``: whether those of plans are used, or the optimiser does without. ``tolerance``:
     of plans. ``progress``: is called with a line of text for each choice of rows. Raises SceneError
     for a file that cannot be used, Infeasible where no design is found, and MissingPackage.
+
+    Examples:
+        >>> best = deltaopt.design("problems/design/gear.yaml").best
+        >>> [round(ratio, 1) for ratio in best.values]  # in closed form 26.726
+        [26.7]
     """
     given = asked if isinstance(asked, Design) else load_design(asked)
     tell, found = progress or (lambda _: None), list[Candidate]()

@@ -1,9 +1,10 @@
-"""Tables in plain text, and in HTML for notebooks and reports."""
+"""Tables in plain text, in HTML for notebooks and reports; numbers for JSON."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from html import escape
+from math import isfinite
 
 
 def text_table(rows: Sequence[Sequence[str]], words: int | None = None) -> list[str]:
@@ -33,3 +34,8 @@ def html_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
         for first, *rest in rows
     )
     return f"<table>{above}<tbody>\n" + "\n".join(lines) + "\n</tbody></table>"
+
+
+def finite(value: object) -> object:
+    """The value, or None for infinity and NaN, which JSON does not have."""
+    return None if isinstance(value, float) and not isfinite(value) else value

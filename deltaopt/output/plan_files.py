@@ -17,6 +17,7 @@ import numpy as np
 from deltaopt.curves.piecewise import Array
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.csv_table import write_csv
+from deltaopt.files.tables import finite
 from deltaopt.motion.limit_sensitivity import as_dicts
 from deltaopt.motion.motion_sequence import MotionSequence
 from deltaopt.motion.running_cost import cost
@@ -25,7 +26,6 @@ from deltaopt.output.facts import Facts, StraightLine
 from deltaopt.planning.plan import TakenWay
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.settings import require_positive
-from deltaopt.verify.verification import finite
 
 TABLE, RECORD = "trajectory.csv", "plan.json"
 """Names of the files that every plan has."""

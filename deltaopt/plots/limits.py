@@ -157,8 +157,7 @@ def _hamiltonian(axes: Axes, extremal: Extremal) -> None:
     axes.set_ylabel(r"$|H-\bar H|$")
     axes.set_xlabel(r"time $t$ (s)")
     axes.set_title(
-        f"Pontryagin's condition: {extremal.residual:.0e};\n"
-        "no motion near it is better",
+        f"Pontryagin's condition: {extremal.residual:.0e};\nno motion near it is better",
         fontsize=8,
     )
     without_box(axes)

@@ -285,10 +285,8 @@ def path_in(value: object) -> object:
 
     Raises SceneError for a mapping with a wrong key or value.
     """
-    if value == "line":
-        return Line()
     if not isinstance(value, dict):
-        return value
+        return Line() if isinstance(value, str) and value == "line" else value
     if "pick_and_place" in value:
         inner = value["pick_and_place"]
         others = {key: each for key, each in value.items() if key != "pick_and_place"}

@@ -49,6 +49,12 @@ class Sensitivity:
     ``error``: of the slope, an estimate. ``below``, ``above``: the slopes for less and for more of
     the number, not a number where there can be no such. They differ where something else begins to
     count there, and ``slope`` is then their mean; or the one that is known.
+
+    Examples:
+        >>> plan = deltaopt.plan(deltaopt.load_scene("problems/pick_and_place.yaml"))
+        >>> (heavier,) = plan.sensitivity(["payload"])
+        >>> heavier.slope > 0
+        True
     """
 
     number: Number

@@ -123,7 +123,13 @@ class Cell:
 
 def load_cell(path: str | Path) -> Cell:
     """The cell of the file of a scene, of a cycle, or of a robot, which then has the usual test
-    cycle of packaging robots. Raises SceneError, naming file and key."""
+    cycle of packaging robots. Raises SceneError, naming file and key.
+
+    Examples:
+        >>> cell = deltaopt.load_cell("problems/robots/hornet_565.yaml")
+        >>> len(cell.places(x=(0.5, 0.9, 9), y=[0.0], z=[0.0]))
+        9
+    """
     file = Path(path)
     content = read_yaml(file)
     if "drive" in content and "robot" not in content:

@@ -48,6 +48,14 @@ def sweep(
 
     The table is a pandas DataFrame. A point without a plan is a row with its ``error``. Raises
     SceneError for a sweep, and OtherTable for a file, that cannot be used, and MissingPackage.
+
+    Examples:
+        >>> from tempfile import TemporaryDirectory
+        >>> stronger = "problems/sweeps/stronger_motor.yaml"
+        >>> with TemporaryDirectory() as folder:
+        ...     table = deltaopt.sweep(stronger, f"{folder}/rows.csv", workers=1)
+        >>> int(table["verified"].sum())
+        5
     """
     installed("pandas", "sweep")  # before any work
     if isinstance(what, Sweep):

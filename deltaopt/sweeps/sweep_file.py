@@ -79,6 +79,11 @@ class Sweep(Record):
     own. ``grid``, ``points``, ``samples``: what is changed. ``tolerance``: of the plans.
     ``column``: what is shown, and least in the best plan. ``pareto``: two columns of which less is
     better, for a picture of the best compromises. Raises SceneError for what cannot be used.
+
+    Examples:
+        >>> heavier = {"payload": [0.5, 1.0]}
+        >>> deltaopt.Sweep(scene="problems/pick_and_place.yaml", grid=heavier).tolerance
+        0.001
     """
 
     scene: _Files = Field(description=_FILES)

@@ -11,14 +11,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from html import escape
-from math import inf, isfinite, isinf
+from math import inf, isinf
 from typing import Any
 
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import Singular, Unreachable
-from deltaopt.files.tables import html_table
+from deltaopt.files.tables import finite, html_table
 from deltaopt.limits.limit import OwnMeasure
 from deltaopt.motion.trajectory import Trajectory, goal_of
 from deltaopt.problem.of_scene import problem_of
@@ -253,11 +253,6 @@ _KEYS = {
 }
 """The keys of a scene whose measures are known."""
 _LIGHTER = "with_the_least_payload"
-
-
-def finite(value: object) -> object:
-    """The value, or None for infinity and NaN, which JSON does not have."""
-    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 @np.errstate(over="ignore", invalid="ignore")  # measures that are no numbers are beyond any bound

@@ -95,7 +95,7 @@ def _from_the_side(axes: Axes, robot: Robot, x: Array, theta: Array) -> None:
     _axis(axes, corner, _SIDE, (0.0, 0.6 * robot.base_radius, 0.0), "y")
     left, right = axes.get_xlim()
     axes.set_xlim(left, right + 0.9 * arm)
-    axes.set_ylim(axes.get_ylim()[0], 1.2 * arm)
+    axes.set_ylim(axes.get_ylim()[0] - 0.3 * arm, 1.2 * arm)  # for the names of lengths
 
 
 def _length(axes: Axes, begin: Array, end: Array, name: str) -> None:

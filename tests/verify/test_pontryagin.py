@@ -112,7 +112,7 @@ def test_files_carry_it(tmp_path):
         assert met == (name == "resolved")
         assert (record["certificate"] is not None) == met
         heights[name] = imread(tmp_path / name / "limits.png").shape[0]
-    row = 2.05 * 300  # inches of a row, at the dots per inch of the file
+    row = 2.05 * 200  # inches of a row, at the dots per inch of the file
     assert heights["resolved"] == pytest.approx(heights["mesh"] + row, rel=0.01)
 
 
