@@ -9,11 +9,13 @@ other first meshes, by more than their own gap.
 from __future__ import annotations
 
 import argparse
+from functools import partial
 
 import numpy as np
 
 from deltaopt import Plan, Scene, load_robot, plan
 from deltaopt.cli.arguments import positive
+from deltaopt.planning.plan import Iteration
 from deltaopt.robot.robot import Robot
 from studies.bench.random_scenes import random_scenes
 from studies.problems import PROBLEMS
@@ -58,14 +60,15 @@ def _measured(move: Scene, without: Scene) -> tuple[float, float, bool, bool] | 
     found, _, spent = attempted(lambda: plan(move))
     if plain is None or found is None:
         return None
-    others = (attempted(lambda n=n: plan(move, intervals=n))[0] for n in _MESHES)
+    others = (attempted(partial(plan, move, intervals=n))[0] for n in _MESHES)
     best = min([found.duration, *(other.duration for other in others if other)])
     longer = found.duration > (1 + found.gap) * best
     return spent / usual, _work(found) / _work(plain), not found.within_tolerance, longer
 
 
 def _work(found: Plan) -> int:
-    return sum(mesh.iterations * mesh.intervals for mesh in found.meshes)
+    meshes = (mesh for mesh in found.meshes if isinstance(mesh, Iteration))
+    return sum(mesh.iterations * mesh.intervals for mesh in meshes)
 
 
 def _of(move: Scene, robot: Robot) -> Scene:

@@ -4,9 +4,8 @@ Five lines are printed: whether it is verified, duration and parts per minute; h
 is; how it compares with the straight line, or with the rounded path over bodies; what limits it;
 the files. With --details all else: every measure, the duty of the motors, singularities.
 
-The motion begins and ends at rest and keeps the limits all the way; its path is free, unless the
-scene gives it. The motion is then verified by code that shares the robot's model with the
-planner but no method. DIR receives
+The motion keeps the limits all the way; its path is free, unless the scene gives it. It is then
+verified by code that shares the robot's model with the planner but no method. DIR receives
 
   trajectory.csv   the motion for a controller: platform, motors, torques
   plan.json        duration, how it was found, all measures of the check, the scene
@@ -225,11 +224,11 @@ def _run(arguments: argparse.Namespace) -> int:
     folders = output_folders(arguments)
     scenes = [_load(file, arguments.rated) for file in folders]
     if any(isinstance(scene, Scene) and scene.follows_path for scene in scenes):
-        others = ("baseline", "sensitivity")
-        _refuse(arguments, others, "is for free paths; the scene gives its path")
+        free = ("baseline", "sensitivity")
+        _refuse(arguments, free, "is for free paths; the scene gives its path")
     if any(isinstance(scene, Cycle) for scene in scenes):
-        others = ("baseline", "plot_limits")
-        _refuse(arguments, others, "is for single motions; a cycle does not have it")
+        single = ("baseline", "plot_limits")
+        _refuse(arguments, single, "is for single motions; a cycle does not have it")
     codes = []
     for (file, directory), scene in zip(folders.items(), scenes, strict=True):
         if len(folders) > 1:
@@ -321,8 +320,9 @@ def _sensitivities(
     found: Plan | CyclePlan | StraightLine, arguments: argparse.Namespace
 ) -> Sequence[Sensitivity]:
     """How the duration depends on every number, where that is asked for."""
-    asked = arguments.sensitivity and not isinstance(found, StraightLine)
-    return found.sensitivity() if asked else ()
+    if not arguments.sensitivity or isinstance(found, StraightLine):
+        return ()
+    return found.sensitivity()
 
 
 def _for_machines(facts: Facts) -> dict[str, object]:

@@ -390,8 +390,7 @@ def _ends(scene: Scene, trajectory: Trajectory, nothing: Verification) -> dict[s
 
 
 def _jumps(trajectory: Trajectory) -> dict[str, float]:
-    """All jumps of position and of velocity between the two sides of knots, added up: small ones
-    in one direction lead as far off as a large one."""
+    """All jumps of position and velocity at knots, added up: small ones may lead far off too."""
     sides = trajectory.path_inside([0.0, 1.0])  # rows: begin, end, begin, end ...
     x, v, _ = (np.linalg.norm(row[2::2] - row[1:-1:2], axis=1) for row in sides)
     return {"position_jump": float(x.sum()), "velocity_jump": float(v.sum())}
