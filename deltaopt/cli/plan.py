@@ -322,7 +322,7 @@ def _sensitivities(
     """How the duration depends on every number, where that is asked for."""
     if not arguments.sensitivity or isinstance(found, StraightLine):
         return ()
-    return found.sensitivity()
+    return tuple(found.sensitivity())
 
 
 def _for_machines(facts: Facts) -> dict[str, object]:
