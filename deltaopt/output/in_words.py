@@ -31,6 +31,7 @@ def told(facts: Facts) -> Iterator[str]:
         yield _gap(found)
         if found.searched:
             yield found.searched
+            yield _lower_bound(found.lower_bound, found.duration)
         yield from _comparison(facts, found)
     limits = limits_at_a_glance(facts.active, found.sensitivities)
     yield f"limited by {limits}" if limits else "no limit is reached"

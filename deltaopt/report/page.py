@@ -195,7 +195,7 @@ def _compared(durations: Mapping[str, float]) -> tuple[str, str]:
         f'<dd style="width: {100 * duration / longest:.1f}%">{duration:.4f} s</dd>'
         for name, duration in durations.items()
     )
-    said = f"{_percent(abs(own / other - 1))} {how} time than {' '.join(best.split())}"
+    said = f"{_percent(abs(own / other - 1))} {how} time than the {' '.join(best.split())}"
     return said, f'<dl class="bars">{bars}</dl>'
 
 
