@@ -20,7 +20,7 @@ Path = tuple[str | int, ...]
 Content = Mapping[str, Any]
 _FIELDS = {"dwell": "dwells"}
 """Keys of files that are called otherwise in records."""
-_PARTS = re.compile(r"\[(\d+)\]|([^.\[\]]+)")
+_PARTS = re.compile(r"[^.\[\]]+")
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,8 @@ def key_of(path: Path) -> str:
 
 
 def path_of(key: str) -> Path:
-    """The path through the content of a file that a key stands for."""
-    return tuple(int(index) if index else name for index, name in _PARTS.findall(key))
+    """The path through the content of a file that a key stands for, such as goal[2] or goal.2."""
+    return tuple(int(part) if part.isdigit() else part for part in _PARTS.findall(key))
 
 
 def content_of(job: Job) -> dict[str, Any]:

@@ -3,9 +3,9 @@
 A change is written as the header of a column and a value: ``payload`` is replaced by it,
 ``robot.drive.torque times`` multiplied by it, ``robot.upper_arm.length plus`` made larger by it.
 Several keys before the last word get the same change. Places in lists are numbers:
-``cycle.0.payload``, ``goal.2``. ``place.x``, ``place.y`` and ``place.z`` are no keys of a file, but
-where the middle of all starts and goals is: all points and bodies are moved along with it, or the
-robot the other way.
+``cycle[0].payload``, ``goal[2]``, or ``goal.2``. ``place.x``, ``place.y`` and ``place.z`` are no
+keys of a file, but where the middle of all starts and goals is: all points and bodies are moved
+along with it, or the robot the other way.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def _with(content: Content, key: str, change: Callable[[Any], Any]) -> Content:
         if len(place) > len("xyz"):
             raise SceneError(None, key, None, "place.x, place.y or place.z", "is not a known key")
         return _moved(content, np.array([*place.values()]) - middle)
-    _change(content, key, key, change)
+    _change(content, key.replace("[", ".").replace("]", ""), key, change)
     return content
 
 

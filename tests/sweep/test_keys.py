@@ -128,3 +128,13 @@ def test_samples_are_spread_evenly_and_always_the_same(tmp_path):
         sixteenths = (np.array(points) - [0.5, 8]) / [0.5, 4] * 16
         for column in sixteenths.T:
             assert sorted(column.astype(int)) == list(range(16))
+
+
+def test_keys_of_lists_are_those_of_sensitivities():
+    content = content_with_files(SCENES[1])
+    named = changed(content, {"keep_out[0].box.from[1] plus": -0.01, "goal[2]": 0.02})
+    assert named == changed(content, {"keep_out.0.box.from.1 plus": -0.01, "goal.2": 0.02})
+    scene = made_of(named, Path(SCENES[1]))
+    assert scene.goal[2] == 0.02
+    keys = {one.number.key: one.number.value for one in deltaopt.plan(scene).sensitivity()}
+    assert keys["keep_out[0].box.from[1]"] == pytest.approx(0.07)
