@@ -97,7 +97,7 @@ def draw_map(file: Path, title: str, table: Any, names: Sequence[str]) -> None:
                 if name == names[0]:
                     axes.set_title(f"{depth:.3g} m below the base")
                 if name == names[0] and depth == best["place.x"]:
-                    axes.plot(best["place.y"], best["place.z"], "*", color=VERMILION, markersize=11)
+                    axes.plot(best["place.y"], best["place.z"], "*", color=BLACK, markersize=11)
             drawn.colorbar(shown, ax=list(row), label=_label(name), pad=0.01)
             row[0].set_ylabel("z (m)")
         for axes in panels[-1]:
