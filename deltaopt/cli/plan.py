@@ -61,7 +61,7 @@ from deltaopt.output.cycle_files import (
 )
 from deltaopt.output.facts import Facts, StraightLine
 from deltaopt.output.in_words import details, surprises, told, verdict
-from deltaopt.output.plan_files import MOST_ROWS, RATE, content, highest_rate
+from deltaopt.output.plan_files import MOST_ROWS, RATE, highest_rate, summary
 from deltaopt.planning.comparisons import beside_free_path
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.cycles.cycle_planning import plan_cycle
@@ -281,12 +281,14 @@ def _plan(
     drawn = _drawn(arguments) | {"limits": arguments.plot_limits}
     files = save(directory, facts, arguments.rate, **drawn)
     if arguments.json:
-        printed = {"scene": str(file), **_for_machines(facts), "files": list(map(str, files))}
+        printed = {"scene": str(file), **summary(facts), "files": list(map(str, files))}
         print_json(printed | for_machines(_sensitivities(found, arguments)))
     else:
         more = details(facts) if arguments.details else surprises(facts)
-        print(*told(facts), *more, *told_of_sensitivity(_sensitivities(found, arguments)), sep="\n")
+        print(*told(facts), *more, sep="\n", flush=True)
         print_written(files, before)
+        end = "\n" if arguments.sensitivity else ""
+        print(*told_of_sensitivity(_sensitivities(found, arguments)), sep="\n", end=end)
     return say_failures(facts.verification.failures())
 
 
@@ -299,15 +301,16 @@ def _plan_cycle(file: Path, directory: Path, cycle: Cycle, arguments: argparse.N
     verification, before = verified(found), present(directory)
     files = save_cycle(directory, found, verification, arguments.rate, **_drawn(arguments))
     if arguments.json:
-        record = content_of_cycle(found, verification)
-        printed = {"scene": str(file), **record, "files": list(map(str, files))}
-        print_json(printed | for_machines(_sensitivities(found, arguments)))
+        record = {"scene": str(file), **content_of_cycle(found, verification)}
+        record["files"] = list(map(str, files))
+        print_json(record | for_machines(_sensitivities(found, arguments)))
     else:
         more = details_of_cycle(found, verification) if arguments.details else ()
         print(f"{verdict(verification)}: ", end="")
-        sensitivity = told_of_sensitivity(_sensitivities(found, arguments))
-        print(*told_of_cycle(found, verification), *more, *sensitivity, sep="\n")
+        print(*told_of_cycle(found, verification), *more, sep="\n", flush=True)
         print_written(files, before)
+        end = "\n" if arguments.sensitivity else ""
+        print(*told_of_sensitivity(_sensitivities(found, arguments)), sep="\n", end=end)
     return say_failures(verification.failures())
 
 
@@ -323,18 +326,6 @@ def _sensitivities(
     if not arguments.sensitivity or isinstance(found, StraightLine):
         return ()
     return tuple(found.sensitivity())
-
-
-def _for_machines(facts: Facts) -> dict[str, object]:
-    """What is printed of a plan, for machines: a part of plan.json."""
-    record = content(facts)
-    same = ("gap", "tolerance", "optima", "ways", "active_limits", "verification")
-    return {
-        "ok": facts.verification.ok,
-        "duration": record["duration"],
-        "objective": str(facts.scene.objective),
-        **{name: record[name] for name in same},
-    }
 
 
 def _refuse_contradictions(

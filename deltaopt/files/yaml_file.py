@@ -18,7 +18,7 @@ from deltaopt.files.regular_file import content_of
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 _NAMES, _INDEX = re.compile(r"\[\d+\]|[^.\[]+"), re.compile(r"\[\d+\]")
 """Of a dotted key: names of mappings, and places in lists."""
-_WORD = re.compile(r"<<|\w[\w .-]{0,99}")  # the first is YAML's own, for merging
+_WORD = re.compile(r"<<|\w[][\w .-]{0,99}")  # the first is YAML's own, for merging
 """What a key may be. Whatever else a file has is not quoted: it may be no robot or scene at all."""
 _DEEPEST = 20
 """Largest depth of nesting: a robot file needs 3, and PyYAML's time and stack limit the depth."""

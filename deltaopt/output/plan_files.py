@@ -74,6 +74,18 @@ def content(facts: Facts) -> dict[str, object]:
     }
 
 
+def summary(facts: Facts) -> dict[str, object]:
+    """A part of plan.json, which commands print for other programs."""
+    record = content(facts)
+    same = ("gap", "tolerance", "optima", "ways", "active_limits", "verification")
+    return {
+        "ok": facts.verification.ok,
+        "duration": record["duration"],
+        "objective": str(facts.scene.objective),
+        **{name: record[name] for name in same},
+    }
+
+
 def write_json(file: Path, facts: Facts) -> None:
     """Write how a motion was found, the measures of verification, versions, the scene, and the
     motion itself: its polynomials, from which ``saved_plan.load_plan`` makes the same again."""

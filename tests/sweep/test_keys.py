@@ -138,3 +138,12 @@ def test_keys_of_lists_are_those_of_sensitivities():
     assert scene.goal[2] == 0.02
     keys = {one.number.key: one.number.value for one in deltaopt.plan(scene).sensitivity()}
     assert keys["keep_out[0].box.from[1]"] == pytest.approx(0.07)
+
+
+def test_keys_of_lists_may_stand_in_files(tmp_path):
+    scene = Path("problems/keep_out/wall_25_305_25.yaml").absolute()
+    file = tmp_path / "sweep.yaml"
+    file.write_text(f"scene: {scene}\ngrid:\n  keep_out[0].box.from[0] plus: [-5 mm, 5 mm]\n")
+    _, points = load_sweep(file)
+    assert points.keys == ["keep_out[0].box.from[0] plus"]
+    assert len(points) == 2
