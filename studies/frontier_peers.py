@@ -110,7 +110,10 @@ def _slowed(scene: Scene, path: Path, fine: Path) -> tuple[float, float, bool]:
         limit = np.array(scene.robot.torque_limits)
         left = np.where(moving > 0, limit - gravity[:-1], limit + gravity[:-1])
         slowest = max(slowest, float((np.abs(moving) / left).max()))
-    duration = float(np.sum(2 * np.diff(path.s) / (speeds[1:] + speeds[:-1])))
+    together = speeds[1:] + speeds[:-1]
+    if not together.all():  # it rests on the way, at a corner that is not rounded
+        return np.nan, seconds, False
+    duration = float(np.sum(2 * np.diff(path.s) / together))
     return duration * np.sqrt(slowest), seconds, True
 
 
