@@ -220,9 +220,10 @@ def _require_reach(scene: Scene, model: Model, name: str, point: Vector3) -> Non
 
 
 def perhaps_meant(scene: Scene, point: Vector3) -> str:
-    """What a point (m) out of reach may be that was given with z upward, z downward or x upward."""
+    """What a point (m) out of reach may be that was given with z upward, z downward or x upward:
+    the lowest of those in reach, for robots work well below their base."""
     x, y, z = point
-    places = np.array([(-z, x, y), (z, x, y), (-x, y, z)])
+    places = np.array(sorted([(-z, x, y), (z, x, y), (-x, y, z)], reverse=True)) + 0.0  # no -0
     fitting = places[are_surely_feasible(scene, places)]
     meant = (f"; x points down from the base's centre, as in {in_words(p)} m" for p in fitting)
     return next(meant, "")

@@ -68,6 +68,14 @@ def test_a_point_of_another_frame_is_told_so(given, name, meant):
     assert f"x points down from the base's centre, as in {meant} m" in str(caught.value)
 
 
+def test_of_all_frames_in_which_a_point_is_in_reach_the_lowest_place_is_told():
+    arms = {"upper_arm": {"length": 0.315, "mass": 1.2}, "forearm": {"length": 0.825, "mass": 0.5}}
+    robot = INDUSTRIAL.model_copy(update=arms)
+    points = {"start": (-0.8, -0.15, 0.0), "goal": (-0.8, 0.15, 0.0)}  # x up; level with z up
+    with pytest.raises(Unreachable, match=r"as in \[0\.8, -0\.15, 0\] m$"):
+        check_feasible(Scene(robot=robot, **points))
+
+
 def test_a_point_that_is_far_in_any_frame_is_not():
     with pytest.raises(Unreachable) as caught:
         check_feasible(Scene(robot=INDUSTRIAL, start=(3.0, 0.0, 0.0), goal=(0.9, 0.15, 0.0)))
