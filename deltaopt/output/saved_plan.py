@@ -187,7 +187,8 @@ def read_record(file: Path) -> dict[str, Any]:
     except OSError as error:
         raise UnreadablePlan(f"{file} {error.strerror}") from None
     except (ValueError, RecursionError) as error:
-        raise UnreadablePlan(f"{file}: cannot be read: {error}") from None
+        needed = "a plan's folder or its plan.json is needed"
+        raise UnreadablePlan(f"{file} cannot be read as JSON ({error}); {needed}") from None
     if not isinstance(content, dict):
         raise UnreadablePlan(f"{file}: it is no record of a plan")
     found = content.get("format")
