@@ -12,7 +12,7 @@ from pathlib import Path
 
 import yaml
 
-from deltaopt.errors import SceneError
+from deltaopt.errors import SceneError, shown
 from deltaopt.files.regular_file import content_of
 
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
@@ -48,7 +48,8 @@ def read_yaml(file: Path) -> dict[str, object]:
     except SceneError as error:
         raise error.inside(file=file) from None
     if not isinstance(content, dict):
-        raise SceneError(file, "", content, "a mapping of keys to values", "is something else")
+        problem = "is a list" if isinstance(content, list) else f"is {shown(content)}"
+        raise SceneError(file, "", content, "a mapping of keys to values", problem)
     return content
 
 

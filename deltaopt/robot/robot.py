@@ -251,7 +251,10 @@ def load_robot(path: str | Path) -> Robot:
         0.5
     """
     file = Path(path)
-    return Robot.from_content(read_yaml(file), file)
+    content = read_yaml(file)
+    if "robot" in content and "base_radius" not in content:
+        raise SceneError(file, "", None, "the robot file that it names", "is a scene file")
+    return Robot.from_content(content, file)
 
 
 def _robot_of(content: Any) -> Any:

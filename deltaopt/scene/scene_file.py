@@ -79,6 +79,8 @@ def made_of(content: Mapping[str, object], file: Path) -> Scene | Cycle:
 
 
 def _single(file: Path, content: dict[str, object]) -> Scene:
+    if "base_radius" in content and "robot" not in content:
+        raise SceneError(file, "", None, "a scene file, which names it as robot", "is a robot file")
     if "cycle" in content:
         expected = "start and goal; cycles are for deltaopt plan and load_cycle"
         place = place_of(file, "cycle")
