@@ -12,7 +12,7 @@ from pathlib import Path
 
 import yaml
 
-from deltaopt.errors import SceneError, shown
+from deltaopt.errors import SceneError
 from deltaopt.files.regular_file import content_of
 
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
@@ -48,7 +48,8 @@ def read_yaml(file: Path) -> dict[str, object]:
     except SceneError as error:
         raise error.inside(file=file) from None
     if not isinstance(content, dict):
-        problem = "is a list" if isinstance(content, list) else f"is {shown(content)}"
+        # What stands in it is not quoted: a file named by mistake may hold secrets.
+        problem = "is a list" if isinstance(content, list) else "is a single value"
         raise SceneError(file, "", content, "a mapping of keys to values", problem)
     return content
 

@@ -7,10 +7,10 @@ slowing, charts and verification follow from that and are written once, elsewher
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -25,6 +25,8 @@ from deltaopt.robot.machine import Machine
 from deltaopt.robot.solids import Convex, Solid
 
 SX = ca.SX
+Along = TypeVar("Along", Polynomial, Array)
+"""A quantity of a motion over time: as a polynomial, or by its values at instants."""
 Numbers = tuple[float, ...]
 """The numbers of one item of a limit, in the order of its parameters."""
 _TIED = 1e-9
@@ -322,8 +324,9 @@ class PhasedLimit(Limit):
         """The numbers in each phase, from those of the scene."""
         raise NotImplementedError
 
-    def along(self, position: Sequence[Polynomial], numbers: Array) -> tuple[Polynomial, ...]:
-        """The rows of a position, three polynomials in m over s, with numbers of a phase."""
+    def along(self, position: Iterable[Along], numbers: Array) -> tuple[Along, ...]:
+        """The rows of a position, three polynomials in m over s or values of them, m, with numbers
+        of a phase."""
         raise NotImplementedError
 
 

@@ -9,14 +9,22 @@ the limit is that it is in one of the three regions.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import casadi as ca
 import numpy as np
-from numpy.polynomial import Polynomial
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.limits.limit import SX, Bounds, Column, Described, Instant, Numbers, PhasedLimit
+from deltaopt.limits.limit import (
+    SX,
+    Along,
+    Bounds,
+    Column,
+    Described,
+    Instant,
+    Numbers,
+    PhasedLimit,
+)
 from deltaopt.limits.norms_and_ranges import Norm, Range
 
 _ANYWHERE = 1e3
@@ -91,7 +99,7 @@ class Approach(PhasedLimit):
             np.concatenate([goal, goal, below]),
         )
 
-    def along(self, position: Sequence[Polynomial], numbers: Array) -> tuple[Polynomial, ...]:
+    def along(self, position: Iterable[Along], numbers: Array) -> tuple[Along, ...]:
         """Both rows in one phase, where there is but one cylinder."""
         (x, y, z), n = position, numbers.tolist()
         return ((y - n[0]) ** 2 + (z - n[1]) ** 2) / n[2] ** 2, 1 + (x - n[7]) / n[8]

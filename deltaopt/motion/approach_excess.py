@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from deltaopt.curves.halving import Truths
 from deltaopt.curves.piecewise import Array
 from deltaopt.curves.roots import real_roots
+from deltaopt.limits.limit import PhasedLimit
 from deltaopt.motion.trajectory import Trajectory, passes
 from deltaopt.problem.problem import Problem
 
@@ -14,12 +16,12 @@ from deltaopt.problem.problem import Problem
 def approach_rows(problem: Problem, trajectory: Trajectory, fractions: Array) -> Array:
     """The rows of the approach at fractions of all intervals, each in its own phase, (N, fractions,
     2)."""
-    return np.array(
-        [
-            np.stack([row(length * fractions) for row in rows], axis=-1)
-            for length, rows in _rows(problem, trajectory)
-        ]
-    )
+    x, _, _ = trajectory.path_inside(fractions)
+    places = x.reshape(-1, len(fractions), 3)
+    found, (limit, phases) = np.zeros((*places.shape[:2], 2)), _phases(problem, trajectory)
+    for numbers, which in phases:
+        found[which] = np.stack(limit.along(np.moveaxis(places[which], 2, 0), numbers), axis=-1)
+    return found
 
 
 def approach_excess(problem: Problem, trajectory: Trajectory) -> float:
@@ -28,27 +30,25 @@ def approach_excess(problem: Problem, trajectory: Trajectory) -> float:
     if problem.limits.phased is None or not problem.gates:
         return -1.0
     worst = 0.0
-    for length, rows in _rows(problem, trajectory):
-        for row in rows:
-            inside = real_roots(row.deriv(), 0.0, length)
-            worst = max(worst, float(row(np.array([0.0, length, *inside])).max()))
+    lengths, coefficients = np.diff(trajectory.knots), trajectory.position.coefficients
+    limit, phases = _phases(problem, trajectory)
+    for numbers, which in phases:
+        for k in np.flatnonzero(which).tolist():
+            for row in limit.along([Polynomial(c) for c in coefficients[k].T], numbers):
+                inside = real_roots(row.deriv(), 0.0, lengths[k])
+                worst = max(worst, float(row(np.array([0.0, lengths[k], *inside])).max()))
     return worst - 1
 
 
-def _rows(problem: Problem, trajectory: Trajectory) -> list[tuple[float, tuple[Polynomial, ...]]]:
-    """The length of each interval, s, and both rows as polynomials of the time since it began."""
+def _phases(
+    problem: Problem, trajectory: Trajectory
+) -> tuple[PhasedLimit, list[tuple[Array, Truths]]]:
+    """The limit of the approach, and for each phase its numbers and which intervals are in it."""
     limits = problem.limits
     assert limits.phased is not None
     limit = limits.phased.limit
     in_phases = limit.numbers_in_phases(limits.numbers[limits.phased.numbers])
-    up, down = passes(problem, trajectory)
-    found = []
-    for begin, length, coefficients in zip(
-        trajectory.knots[:-1].tolist(),
-        np.diff(trajectory.knots).tolist(),
-        trajectory.position.coefficients,
-        strict=True,
-    ):
-        numbers = in_phases[int(begin >= up) + int(begin >= down)]
-        found.append((length, limit.along([Polynomial(c) for c in coefficients.T], numbers)))
-    return found
+    begins = trajectory.knots[:-1]
+    passed = np.array(passes(problem, trajectory))
+    phase = (begins >= passed[:, None]).sum(axis=0)
+    return limit, [(numbers, phase == k) for k, numbers in enumerate(in_phases)]

@@ -99,7 +99,7 @@ class TrajectoryOptimiser:
 
     def plan(self, attempt: Attempt, report: Progress) -> Plan:
         """Plan the best motion from one first guess and one first mesh."""
-        is_known = attempt.is_near and attempt.problem.objective.duration is None
+        is_known = attempt.is_near and bool(attempt.scene.objective.weights[0])
         if isinstance(attempt.scene.objective, Time) or is_known:
             return self.fastest(attempt, self.accuracy, report)
         return self._plan_effort(attempt, report)

@@ -28,6 +28,8 @@ _WIDTH, _HEIGHT, _PANEL = 3.2, 2.7, 2.0
 """Of a chart, and of a place seen from above, inches."""
 _LEVELS, _LETTERS = 7, 11
 """Lines of equal value, and letters of a title for an inch."""
+_ALONE = 0.05
+"""Half of the size of a cell where there is one place alone, in its unit."""
 _PALETTE = (*COLOURS, *OF_LIMITS)
 
 
@@ -121,8 +123,16 @@ def _pixels(axes: Axes, grid: Any, all_values: Any) -> Any:
     """Draw values over a grid in colours, the least of all bright."""
     axes.grid(False)
     least, most = all_values.min(), all_values.max()
-    x, y, values = grid.columns, grid.index, np.ma.masked_invalid(grid)
+    x, y = (_edges(np.asarray(each, float)) for each in (grid.columns, grid.index))
+    values = np.ma.masked_invalid(grid)
     return axes.pcolormesh(x, y, values, cmap="viridis_r", vmin=least, vmax=most)
+
+
+def _edges(places: Array) -> Array:
+    """Where the cells about places begin and end, (N + 1,); one place alone has a cell too."""
+    widths = np.diff(places) if len(places) > 1 else np.array([2 * _ALONE])
+    begins = places - np.concatenate([widths[:1], widths])[: len(places)] / 2
+    return np.append(begins, places[-1] + widths[-1] / 2)
 
 
 def _say(drawn: Figure, title: str) -> None:

@@ -297,3 +297,11 @@ def test_a_smooth_motion_through_a_point_past_a_wall():
     for objective in (SmoothTorque(of_fastest=1.1), TimeAndTorqueRate(torque_rate=1e-9)):
         found = smooth(objective, deltaopt.Scene.model_validate(scene))
         assert found.trajectory.acceleration_jump < 1e-6
+
+
+def test_a_share_of_the_fastest_duration_holds_past_a_body():
+    """Ways past bodies were planned in the duration of their first guess instead."""
+    wall = load_scene("problems/keep_out/wall_25_305_25.yaml")
+    found = plan(wall.model_copy(update={"objective": Effort(of_fastest=1.1)}), tolerance=1e-2)
+    assert found.duration == pytest.approx(1.1 * plan(wall).duration, rel=3e-3)
+    assert verify(found.scene, found.trajectory).ok
