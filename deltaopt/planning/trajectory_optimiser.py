@@ -134,13 +134,13 @@ class TrajectoryOptimiser:
     ) -> Plan:
         """The plan that meshes lead to from a guess and a first mesh."""
         begin, scene, problem = perf_counter(), attempt.scene, attempt.problem
-        moving, in_phases = not problem.is_at_rest, bool(problem.gates)
+        moving = not problem.is_at_rest
         is_fastest = not problem.objective.running
         refinement = Refinement(
             self.program(scaling, cost_to_minimise(scene.objective, scaling)),
             scaling,
             self.tolerance,
-            self._resolver(scaling, report) if is_fastest and not (moving or in_phases) else None,
+            self._resolver(scaling, report),
             report,
             attempt.most,
         )
@@ -202,11 +202,12 @@ class TrajectoryOptimiser:
         )
 
     def _resolver(self, scaling: Scaling, report: Progress) -> SwitchResolver | None:
-        """The method that resolves switches; None if the tolerance does not ask for it.
+        """The method that resolves switches; None if the tolerance does not ask for it, or the
+        problem's motions have no switches.
 
         It is imported here, so that plans to usual tolerances start faster.
         """
-        if self.tolerance >= self.resolved_below:
+        if self.tolerance >= self.resolved_below or not scaling.problem.may_switch:
             return None
         from deltaopt.planning.switching.resolver import resolver
 

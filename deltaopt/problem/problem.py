@@ -84,6 +84,13 @@ class Problem:
         return self.is_at_rest and not self.objective.running
 
     @property
+    def may_switch(self) -> bool:
+        """Whether the fastest motion is one of arcs that hold limits, from rest to rest, at whose
+        ends torques jump: not where their rates are limited, nor in several phases."""
+        jumps = self.limits.constraints.order < 3
+        return jumps and self.may_be_slowed and not self.gates
+
+    @property
     def distance(self) -> float:
         """The straight distance from start to goal, m, where both are known."""
         return dist(self.goal.position, self.start.position)
