@@ -20,6 +20,7 @@ from deltaopt.errors import (
     DeltaOptError,
     Infeasible,
     NotConverged,
+    Unreachable,
     if_possible,
     in_words,
 )
@@ -50,7 +51,7 @@ from deltaopt.planning.links_clear import keeping_links_clear
 from deltaopt.planning.loop import Loop, or_raise
 from deltaopt.planning.on_path import plan_of, planned_on_path
 from deltaopt.planning.past_bodies.legs import plan_in_legs, proposed_in_legs
-from deltaopt.planning.past_bodies.ways import NEARLY, fastest_way
+from deltaopt.planning.past_bodies.ways import NEARLY, at_rest, fastest_way
 from deltaopt.planning.path.path_along import fastest_along, near_corners, through_corners
 from deltaopt.planning.plan import Plan, TakenWay, quicker
 from deltaopt.scene.feasibility import check_feasible
@@ -222,7 +223,7 @@ class Run(Loop):
         if scene.task.gates:
             found = self._past_or_through(scene, through_gates(scene))
         else:
-            found = self._moving_past_bodies(scene) or self._past_or_through(
+            found = self._moving_past_bodies(scene, under_way) or self._past_or_through(
                 scene, first_moving_motions(scene, under_way)
             )
         found = self._onto_belt(scene, found)
@@ -271,7 +272,7 @@ class Run(Loop):
 
     # Past bodies
 
-    def _past_bodies(self, scene: Scene) -> Plan:
+    def _past_bodies(self, scene: Scene, under_way: PiecewisePolynomial | None = None) -> Plan:
         """Plan past keep-out bodies: as if there were none, where that motion is clear of all;
         otherwise the best plan of the ways that are found, with all of these.
 
@@ -280,7 +281,7 @@ class Run(Loop):
         motion: Trajectory | None = None
         try:
             without = {"keep_out": None, "planned_links": ()}
-            free = self.by_merit(scene.model_copy(update=without))
+            free = self._in_the_open(scene.model_copy(update=without), under_way)
             motion = free.trajectory
             if is_clear(scene, motion):
                 return replace(free, scene=scene, ways=(TakenWay(CLEAR, free.duration, True),))
@@ -298,7 +299,8 @@ class Run(Loop):
 
         found, failure = list[Plan](), None
         try:
-            plan, ways = self._fastest_way(scene, first_motion(scene), motion, NEARLY)
+            way = Attempt(scene, _first_at_rest(scene, motion), self.optimiser.intervals)
+            plan, ways = fastest_way(way, motion, self.only_from, self.on_first_mesh, self.good_gap)
             found.append(replace(plan, scene=scene, ways=ways))
         except ENDS_AN_ATTEMPT as error:
             failure = error
@@ -308,25 +310,24 @@ class Run(Loop):
             raise failure
         return min(found, key=_cost)
 
-    def _moving_past_bodies(self, scene: Scene) -> Plan | None:
-        """The best plan of the ways past keep-out bodies where an end moves; None where none is in
-        the way, or none leads to a plan."""
-        first = from_state_to_state(scene) if limits_of(scene).constraints.has_convex else None
-        if first is None or is_clear(scene, first):
+    def _in_the_open(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
+        """The plan of a scene without bodies. Raises what rules it out."""
+        if scene.task.is_at_rest:
+            return self.by_merit(scene)
+        return or_raise(self.until_good(scene, first_moving_motions(scene, under_way)))
+
+    def _moving_past_bodies(
+        self, scene: Scene, under_way: PiecewisePolynomial | None
+    ) -> Plan | None:
+        """The plan past keep-out bodies where an end moves; None where there are none, or no way
+        leads to a plan: other first motions may."""
+        if not limits_of(scene).constraints.has_convex:
             return None
         try:
-            found, taken = self._fastest_way(scene, first, None, self.good_gap)
-        except (Infeasible, *ENDS_AN_ATTEMPT) as error:  # other first motions may lead to a plan
+            return self._past_bodies(scene, under_way)
+        except (Infeasible, Unreachable, *ENDS_AN_ATTEMPT) as error:
             self.journal.note(str(error))
             return None
-        return replace(found, scene=scene, ways=taken)
-
-    def _fastest_way(
-        self, scene: Scene, first: Trajectory, free: Trajectory | None, enough: float
-    ) -> tuple[Plan, tuple[TakenWay, ...]]:
-        """The best plan of all ways past bodies from a first motion, and the ways."""
-        way = Attempt(scene, first, self.optimiser.intervals)
-        return fastest_way(way, free, self.only_from, self.on_first_mesh, enough)
 
     def _through_passages(self, scene: Scene) -> list[Plan]:
         """The plan along short paths of straight lines past bodies, where no mesh finds its way:
@@ -336,7 +337,7 @@ class Run(Loop):
         two of its points, and never come back. Where that is so from the best motion along these
         lines too, it is not known how much faster another one is: the gap is infinite.
         """
-        usual = isinstance(scene.objective, Time) and not scene.planned_links and scene.tube is None
+        usual = isinstance(scene.objective, Time) and not scene.planned_links and scene.task.is_at_rest
         usual = usual and isinstance(self.optimiser.problem_formulation, Flat)
         found = list[Plan]()
         for corners in islice(paths_of_lines(scene), _PATHS) if usual else ():
@@ -378,6 +379,18 @@ class Run(Loop):
             if found.gap <= self.good_gap:
                 break
         return found
+
+
+def _first_at_rest(scene: Scene, free: Trajectory | None) -> Trajectory:
+    """The first motion from rest to rest between the ends of a motion without bodies; ``free``:
+    that motion, None where it is not known. Raises Infeasible where an end moves and there is no
+    simple motion to it."""
+    if scene.task.is_at_rest:
+        return first_motion(scene)
+    free = free or from_state_to_state(scene)
+    if free is None:
+        raise Infeasible("no simple motion between the ends stays within reach")
+    return first_motion(at_rest(scene, free))
 
 
 def _cost(plan: Plan) -> float:

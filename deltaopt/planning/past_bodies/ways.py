@@ -22,6 +22,7 @@ from deltaopt.planning.first_motions.around_bodies import (
     ways_around,
 )
 from deltaopt.planning.first_motions.bands import Bodies
+from deltaopt.planning.first_motions.moving_ends import end_of, start_of
 from deltaopt.planning.past_bodies.near_bodies import near, past_these, with_those_hit
 from deltaopt.planning.plan import Plan, TakenWay, quicker
 from deltaopt.planning.refinement import Slower
@@ -70,13 +71,13 @@ def fastest_way(
 ) -> tuple[Plan, tuple[TakenWay, ...]]:
     """The best plan of all ways past the bodies of a scene, and the ways, first the one taken.
 
-    ``attempt``: from a motion that may run into bodies. ``free``: the fastest motion without them,
+    ``attempt``: from a motion from rest to rest that may run into bodies. ``free``: the fastest motion without them,
     None where that is not known. ``on_first_mesh``: the motion that is best on the first mesh of an
     attempt; it may raise an error that ends an attempt, as may ``planned``. ``enough``: above this
     gap a plan is made again from a finer mesh. Raises Infeasible where there is no way, and such an
     error where none leads to a plan.
     """
-    resting = _at_rest(attempt)
+    resting = at_rest(attempt.scene, attempt.motion)
     ways = ways_around(resting, attempt.motion, free)
     if not ways and resting.planned_links:  # a solver may move links out of bodies
         ways = [Way(attempt.motion, ())]
@@ -99,14 +100,14 @@ def fastest_way(
     raise failures[0]
 
 
-def _at_rest(attempt: Attempt) -> Scene:
-    """The scene of an attempt, from rest to rest between the ends of its motion where an end moves:
-    ways then begin and end as a solver is asked to change it, but pass bodies."""
-    scene, position = attempt.scene, attempt.motion.position
+def at_rest(scene: Scene, motion: Trajectory) -> Scene:
+    """The scene itself where it is from rest to rest, otherwise that from rest to rest between the
+    ends of a motion: ways then begin and end as a solver is asked to change it, but pass bodies."""
     if scene.task.is_at_rest:
         return scene
-    begin, end = (tuple(x) for x in position.at(position.knots[[0, -1]]).tolist())
-    return scene.model_copy(update={"start": begin, "goal": end})
+    return scene.model_copy(
+        update={"start": start_of(motion.position), "goal": end_of(motion.position)}
+    )
 
 
 def _best_of(
