@@ -77,6 +77,9 @@ moves of three scenes, at 14 times not always)."""
 _FIRST_MESH_TOLERANCE = 1e-4
 """Tightest relative tolerance of the solver on the first mesh. Any tighter is wasted, for the
 discretisation error of a coarse mesh is far larger."""
+_TRIAL_TOLERANCE = 1e-2
+"""The same where no more is asked than how fast about a motion is. Of 320 ways past bodies durations
+were within 0.3 % for nine in ten, less than a coarse mesh tells."""
 
 
 class HeldByMotion(NotConverged):
@@ -111,7 +114,12 @@ class TrajectoryOptimiser:
 
     def on_first_mesh(self, attempt: Attempt) -> Trajectory:
         """The fastest motion on the first mesh alone, which may break limits between its points."""
-        guess = Guess(attempt.motion, attempt.is_near, self.accuracy, is_trial=True)
+        guess = Guess(
+            attempt.motion,
+            attempt.is_near,
+            max(self.accuracy, _TRIAL_TOLERANCE),
+            is_trial=True,
+        )
         extent = None if attempt.problem.is_at_rest else attempt.motion.extent
         scaling = Scaling(attempt.problem, attempt.motion.duration, extent=extent)
         program = self.program(scaling, fastest(attempt.problem))
