@@ -226,6 +226,7 @@ def _figures(scenes: Sequence[Scene]) -> str:
         "Bodies are grey, as if of glass: turn the robot to see on which side the path passes.": (
             any(scene.keep_out is not None for scene in scenes)
         ),
+        "Blue is what the path stays in.": any(scene.tube or scene.columns for scene in scenes),
         "Orange is the way of a goal on its belt meanwhile.": any(
             isinstance(scene.task.goal, MovingPoint) for scene in scenes
         ),
