@@ -16,7 +16,6 @@ from deltaopt.motion.trajectory import Trajectory, ends_of
 from deltaopt.output.body_outlines import corners_of, edges_of
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.robot import Robot, as_delta
-from deltaopt.scene.bodies import Body
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingPoint
 from deltaopt.verify.clearance import distance_from, link_distances
@@ -119,7 +118,7 @@ def bodies(scene: Scene) -> list[dict[str, object]]:
     reach = _DISC * scene.robot.reach
     about = np.array(scene.task.start.position)
     for index, body in enumerate(scene.keep_out or ()):
-        name = _name_of(index, body)
+        name = body.named(index)
         if body.sphere is not None:
             ball = {"centre": list(body.sphere.centre), "radius": body.sphere.radius}
             found.append({"name": name, **ball})
@@ -134,7 +133,7 @@ def clearances(scene: Scene, trajectory: Trajectory, inside: Array) -> dict[str,
     """Distances, m, at fractions of every interval, (K n,), from each keep-out body of what keeps
     clear of it: the tool, and where the scene says so arms and forearms."""
     motion, found = trajectory.inside_intervals(inside), dict[str, Array]()
-    names = [_name_of(index, body) for index, body in enumerate(scene.keep_out or ())]
+    names = [body.named(index) for index, body in enumerate(scene.keep_out or ())]
     for index, grown in scene.obstacles:
         distance, _ = distance_from(grown, motion.x)
         found[names[index]] = np.minimum(found.get(names[index], np.inf), distance)
@@ -142,10 +141,6 @@ def clearances(scene: Scene, trajectory: Trajectory, inside: Array) -> dict[str,
         links = link_distances(scene, motion.x, motion.theta).min(axis=1)
         found = {name: np.minimum(found[name], of) for name, of in zip(names, links.T, strict=True)}
     return found
-
-
-def _name_of(index: int, body: Body) -> str:
-    return f"keep_out[{index}], a {body.kind}"
 
 
 def _belts(part: Moving) -> list[list[list[float]]]:
