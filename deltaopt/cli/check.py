@@ -310,7 +310,7 @@ def limits_table(scene: Scene) -> str:
                 limit.name,
                 limit.subject,
                 limit.unit,
-                _bounds(lower[own], upper[own]),
+                bounds_in_words(lower[own], upper[own]),
                 f"{limit.order} ({_ORDERS[limit.order]})",
                 "yes" if constraints.slowing_exponents[own].any() else "no",
                 "" if limit.promised else "a margin of the planner's, not verified",
@@ -319,7 +319,7 @@ def limits_table(scene: Scene) -> str:
     return "\n".join(text_table(rows))
 
 
-def _bounds(lower: Array, upper: Array) -> str:
+def bounds_in_words(lower: Array, upper: Array) -> str:
     """Bounds as text: ± 10, -1 to 1.5, at most 5, at least 0.01; several numbers if they differ."""
     used = np.isfinite(lower) | np.isfinite(upper)  # rows of fewer bodies than there may be
     lower, upper = lower[used], upper[used]

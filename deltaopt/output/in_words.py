@@ -8,6 +8,7 @@ from deltaopt.motion.certificate import MET
 from deltaopt.motion.limit_sensitivity import limits_at_a_glance
 from deltaopt.output.facts import Facts, StraightLine, above_nominal, motor_facts, title, together
 from deltaopt.planning.plan import Optimum, Plan, TakenWay
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingEnds
@@ -23,6 +24,7 @@ def told(facts: Facts) -> Iterator[str]:
     the best it is, what it saves, what limits it."""
     found = facts.found
     duration = facts.trajectory.duration
+    limits = limits_at_a_glance(facts.active, found.sensitivities, duration)
     back = "" if isinstance(facts.scene.task, MovingEnds) else " there and back"
     yield f"{verdict(facts.verification)}: {title(facts.scene.task, duration)}{back}"
     if facts.too_warm:
@@ -33,7 +35,6 @@ def told(facts: Facts) -> Iterator[str]:
             yield found.searched
             yield _lower_bound(found.lower_bound, found.duration)
         yield from _comparison(facts, found)
-    limits = limits_at_a_glance(facts.active, found.sensitivities)
     yield f"limited by {limits}" if limits else "no limit is reached"
 
 
@@ -74,7 +75,9 @@ def _gap(found: Plan) -> str:
         least, what = f"{objective}: {found.cost:.6g} {objective.unit}, ", "above the least"
     missed = "" if found.within_tolerance else f", not the {percent(found.tolerance)} asked for"
     ways, optima = len(found.ways), len(found.optima)
-    among = "" if found.scene.follows_path else "; a local optimum, others may be better"
+    is_least = problem_of(found.scene).is_least_duration(found.duration)
+    is_best = found.scene.follows_path or (is_least and isinstance(objective, Time))
+    among = "" if is_best else "; a local optimum, others may be better"
     if ways or optima > 1:
         what_of = f"{ways} ways past the bodies" if ways else f"{optima} local optima"
         among = f"; the best of {what_of} that were found"

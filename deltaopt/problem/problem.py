@@ -16,6 +16,9 @@ from deltaopt.problem.boundary import Boundary
 from deltaopt.robot.machine import Machine, Model
 from deltaopt.robot.model import model_of
 
+_ROUNDING = 1e-9
+"""Relative difference of two durations that are the same but for rounding."""
+
 
 @dataclass(frozen=True)
 class Objective:
@@ -89,6 +92,10 @@ class Problem:
         ends torques jump: not where their rates are limited, nor in several phases."""
         jumps = self.limits.constraints.order < 3
         return jumps and self.may_be_slowed and not self.gates
+
+    def is_least_duration(self, duration: float) -> bool:
+        """Whether a motion of this duration, s, is as fast as any, whatever its limits are."""
+        return duration <= self.least_duration * (1 + _ROUNDING)
 
     @property
     def distance(self) -> float:

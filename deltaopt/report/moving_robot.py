@@ -16,7 +16,6 @@ from deltaopt.motion.trajectory import Trajectory, ends_of
 from deltaopt.output.body_outlines import axis_points, columns_of, corners_of, edges_of
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.robot import Robot, as_delta
-from deltaopt.scene.bodies import Body
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingPoint
 from deltaopt.verify.clearance import distance_from, link_distances
@@ -119,7 +118,7 @@ def bodies(scene: Scene) -> list[dict[str, object]]:
     for a half-space, and ``edges``, lines."""
     found: list[dict[str, object]] = []
     reach, about = _DISC * scene.robot.reach, np.array(scene.task.start.position)
-    named = [(_name_of(index, body), body) for index, body in enumerate(scene.keep_out or ())]
+    named = [(body.named(index), body) for index, body in enumerate(scene.keep_out or ())]
     kept_out = len(named)
     named += zip(("approach of the start", "approach of the goal"), columns_of(scene), strict=False)
     for index, (name, body) in enumerate(named):
@@ -141,7 +140,7 @@ def clearances(scene: Scene, trajectory: Trajectory, inside: Array) -> dict[str,
     """Distances, m, at fractions of every interval, (K n,), from each keep-out body of what keeps
     clear of it: the tool, and where the scene says so arms and forearms."""
     motion, found = trajectory.inside_intervals(inside), dict[str, Array]()
-    names = [_name_of(index, body) for index, body in enumerate(scene.keep_out or ())]
+    names = [body.named(index) for index, body in enumerate(scene.keep_out or ())]
     for index, grown in scene.obstacles:
         distance, _ = distance_from(grown, motion.x)
         found[names[index]] = np.minimum(found.get(names[index], np.inf), distance)
@@ -149,10 +148,6 @@ def clearances(scene: Scene, trajectory: Trajectory, inside: Array) -> dict[str,
         links = link_distances(scene, motion.x, motion.theta).min(axis=1)
         found = {name: np.minimum(found[name], of) for name, of in zip(names, links.T, strict=True)}
     return found
-
-
-def _name_of(index: int, body: Body) -> str:
-    return f"keep_out[{index}], a {body.kind}"
 
 
 def _belts(part: Moving) -> list[list[list[float]]]:

@@ -153,6 +153,37 @@ def test_limits_are_headed_by_the_one_that_holds_longest(picked, drawn, tmp_path
     assert float(told.split()[-5]) == pytest.approx(share, abs=1.0)
 
 
+def test_every_body_has_a_curve_with_its_name(drawn, tmp_path):
+    """Three are not taken for motors; of more than can be told apart the nearest are named."""
+    scene = deltaopt.load_scene("problems/pick_and_place.yaml")
+    boxes = [(np.array([0.5, y, -0.1]), np.array([0.6, y + 0.01, 0.1])) for y in (0.2, 0.3, 0.4)]
+    bodies = [{"box": {"from": tuple(a), "to": tuple(b)}} for a, b in boxes]
+    ball = {"sphere": {"centre": (0.3, 0.0, 0.4), "radius": 0.05}}
+    for more in (0, 7):
+        keep_out = [*bodies, *[ball] * more]
+        limited = {"limits": {"tilt_singularity": 0.01}, "keep_out": keep_out}
+        passing = deltaopt.Scene.model_validate({**scene.model_dump(exclude_none=True), **limited})
+        line = deltaopt.baseline(passing)
+        told = SimpleNamespace(
+            scene=passing, trajectory=line, active=(), verification=deltaopt.verify(passing, line)
+        )
+        limits.draw_limits(tmp_path / "limits.png", told)
+        page = drawn.pop()
+        (panel,) = (a for a in page.axes if a.get_ylabel() == "clearance (m)")
+        curves = {each.get_label(): each for each in panel.get_lines()}
+        x = line(curves["keep_out[0], a box"].get_xdata()).x
+        for index, (least, most) in enumerate(boxes):
+            away = np.linalg.norm(x - np.clip(x, least, most), axis=1)
+            curve = curves[f"keep_out[{index}], a box"].get_ydata()
+            np.testing.assert_allclose(curve, away, atol=1e-9)
+        named = [text.get_text() for text in panel.get_legend().get_texts()]
+        assert len(named) == min(8, len(keep_out))
+        assert not any("motor" in name for name in curves)
+        for axes in page.axes:
+            label = axes.yaxis.label.get_window_extent()
+            assert label.height <= 1.1 * axes.get_window_extent().height
+
+
 def test_prescribed_motions_are_headed_by_their_size(drawn, tmp_path):
     line: Trajectory = deltaopt.baseline(deltaopt.load_scene("problems/pick_and_place.yaml"))
     inverse.draw_motion(tmp_path / "motion.png", line)
