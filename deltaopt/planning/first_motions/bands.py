@@ -19,6 +19,8 @@ from deltaopt.motion.links import planned_distances
 from deltaopt.motion.sure_bounds import signed_distances, sure_excess
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.of_scene import problem_of
+from deltaopt.robot.machine import Model
+from deltaopt.robot.model import model_of
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.links import ROUGHLY, name_of
 from deltaopt.scene.scene import Scene
@@ -49,6 +51,9 @@ _SHARES, _BESIDE = (0.25, 0.5, 1.0), 4
 which leads through a plate at an angle still does when they are shifted."""
 _NEAR = 0.1
 """Of the way: bodies that a path comes nearer to are named."""
+_ALIGNED, _BACK = 0.03, (0.02, 0.04, 0.08, 0.16, 0.24)
+"""Squared sine of the angle between arm and bars that bands keep, as start and goal do; and by what
+shares of their way to the middle of the workspace places come back to it, until they are inside."""
 
 
 Hit = tuple[int, int, int]
@@ -121,9 +126,29 @@ class Bodies:
                 distance, slope = self.distances(inner)
                 short = np.maximum(self.margins(inner) - distance, 0.0)
                 worst, which = short.argmax(axis=1), np.arange(len(inner))
-                inner = inner + short[which, worst, None] * slope[which, worst]
+                inner = self.in_reach(inner + short[which, worst, None] * slope[which, worst])
                 bands[:, 1:-1] = inner.reshape(len(bands), -1, 3)
         return bands
+
+    def in_reach(self, places: Array) -> Array:
+        """Places, (…, 3), m, moved towards the middle of the workspace as far as it takes for arms
+        and bars to be as little in line as a good motion has them, or as an end has."""
+        middle, found = self.scene.robot.on_axis(0.5), places.reshape(-1, 3)
+        for share in _BACK:
+            out = ~(self.model.alignments(found) > self._aligned).all(axis=1)
+            if not out.any():
+                break
+            found[out] += share * (middle - found[out])
+        return found.reshape(places.shape)
+
+    @cached_property
+    def model(self) -> Model:
+        """Of the robot with its payload."""
+        return model_of(self.scene.robot, self.scene.payload)
+
+    @cached_property
+    def _aligned(self) -> float:
+        return min(_ALIGNED, float(self.model.alignments(self.ends).min()) / 2)
 
     def hits(self, bands: Array) -> list[Hit | None]:
         """What each of some bands, (W, n, 3), runs into first; None where it is clear."""
@@ -259,7 +284,7 @@ def clear_bands(bodies: Bodies, base: Array) -> Iterator[Array]:
         bent += len(candidates)
         if not candidates:
             return
-        bowed = np.array(candidates)
+        bowed = bodies.in_reach(np.array(candidates))
         drawn = bodies.drawn(bowed, TENSIONS)
         hits = bodies.hits(np.concatenate([drawn, bowed]))
         front = []
