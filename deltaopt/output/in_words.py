@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from deltaopt.motion.certificate import MET
 from deltaopt.motion.limit_sensitivity import limits_at_a_glance
@@ -27,6 +27,7 @@ def told(facts: Facts) -> Iterator[str]:
     limits = limits_at_a_glance(facts.active, found.sensitivities, duration)
     back = "" if isinstance(facts.scene.task, MovingEnds) else " there and back"
     yield f"{verdict(facts.verification)}: {title(facts.scene.task, duration)}{back}"
+    yield from (_distance(each) for each in facts.verification.distances if each.least <= 0)
     if facts.too_warm:
         yield facts.too_warm
     if not isinstance(found, StraightLine):
@@ -41,9 +42,8 @@ def told(facts: Facts) -> Iterator[str]:
 def surprises(facts: Facts) -> list[str]:
     """Lines on what nobody asked for and everybody must know; ``details`` has them too."""
     found = facts.verification
-    passed = [_distance(each) for each in found.distances if each.least <= 0]
     unmet = [] if _is_optimal(found) else _optimality(found, facts.found.tolerance)
-    return [*filter(None, [above_nominal(found.duty)]), *_long(found), *passed, *unmet]
+    return [*filter(None, [above_nominal(found.duty)]), *_long(found), *unmet]
 
 
 def details(facts: Facts) -> Iterator[str]:
@@ -63,8 +63,18 @@ def details(facts: Facts) -> Iterator[str]:
 
 
 def verdict(found: Verification | CycleVerification) -> str:
-    """Whether a motion is verified."""
-    return "verified" if found.ok else "NOT VERIFIED"
+    """Whether a motion is verified, and what torques do not show of it."""
+    return f"{'verified' if found.ok else 'NOT VERIFIED'}{beyond(found.distances)}"
+
+
+def beyond(distances: Iterable[Distance]) -> str:
+    """The singularities that a motion is beyond at some instant, as the end of a verdict; empty
+    where there is none."""
+    names = dict.fromkeys(each.name for each in distances if each.least <= 0)
+    if not names:
+        return ""
+    which = " and the ".join(names)
+    return f", but beyond the {which}, where the motors do not hold the robot"
 
 
 def _gap(found: Plan) -> str:
@@ -189,8 +199,7 @@ def singularities_table(distances: Sequence[Distance]) -> list[str]:
     """Lines that say how near the motion comes to each kind of singularity.
 
     There is no bound on these distances. Torques, which are bounded, grow near a singularity, but
-    for the tilt of the platform, of which they know nothing: a motion beyond it is marked, and
-    ``limits.tilt_singularity`` keeps motions from it.
+    for the tilt of the platform, of which they know nothing: a motion beyond it is marked.
     """
     lines = [f"  {_distance(each)}" for each in distances]
     return ["least distance to singularities, 0 in one and 1 at best:", *lines] if lines else []
@@ -200,7 +209,7 @@ def _distance(each: Distance) -> str:
     """How near the motion comes to a kind of singularity."""
     where = f"at t = {each.t:.6f} s"
     where = where if each.subject == "robot" else f"{each.subject} {where}"
-    passed = ", PASSED: the motors do not hold the robot there" if each.least <= 0 else ""
+    passed = ", PASSED" if each.least <= 0 else ""
     return f"{each.name}: {each.formula} = {each.least:.2g}, {where}{passed}"
 
 

@@ -20,6 +20,7 @@ from deltaopt.files.tables import html_table
 from deltaopt.motion.active_limits import active_limits
 from deltaopt.output.cycle_files import told_of_cycle
 from deltaopt.output.facts import Facts, StraightLine, motor_facts, title, together
+from deltaopt.output.in_words import beyond
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.first_motions.around_bodies import CLEAR
 from deltaopt.planning.plan import Plan, TakenWay
@@ -121,7 +122,7 @@ def _limits(facts: Facts) -> list[str]:
     ]
 
 
-_VERIFIED = "Verified by code that the planner does not use: every limit is kept at every instant."
+_VERIFIED = "Verified by code that the planner does not use: every limit is kept at every instant"
 _PICKS = """ The parts per minute
 count the way there and one as long back, and no time for gripping."""
 
@@ -155,7 +156,8 @@ def _head(facts: Facts) -> str:
 
 def _verdict(verification: Verification | CycleVerification) -> str:
     if verification.ok:
-        return f'<p class="good">{_VERIFIED}</p>\n'
+        but = beyond(verification.distances)
+        return f'<p class="{"bad" if but else "good"}">{_VERIFIED}{escape(but)}.</p>\n'
     return (
         f'<p class="bad">Verification failed: {escape("; ".join(verification.failures()))}.</p>\n'
     )
