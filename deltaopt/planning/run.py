@@ -337,7 +337,9 @@ class Run(Loop):
         two of its points, and never come back. Where that is so from the best motion along these
         lines too, it is not known how much faster another one is: the gap is infinite.
         """
-        usual = isinstance(scene.objective, Time) and not scene.planned_links and scene.task.is_at_rest
+        usual = (
+            isinstance(scene.objective, Time) and not scene.planned_links and scene.task.is_at_rest
+        )
         usual = usual and isinstance(self.optimiser.problem_formulation, Flat)
         found = list[Plan]()
         for corners in islice(paths_of_lines(scene), _PATHS) if usual else ():

@@ -47,6 +47,8 @@ CLEAR = "clear of all bodies"
 """The name of a way that comes near none."""
 _SAME = 0.05
 """Of the way: paths that are nowhere farther apart are the same way."""
+_OF_EACH = 3
+"""How many ways are tried that can be pushed into each other: there may be several local optima."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,24 +89,32 @@ def ways_around(scene: Scene, first: Trajectory, free: Trajectory | None = None)
     bases = [sampled(motion) for motion in (first, free) if motion is not None]
     bands = chain.from_iterable(clear_bands(bodies, base) for base in bases)
     found = _drawn_ways(scene, bodies, bands) or list(_through_passages(scene, bodies))
-    return _told_apart(bodies, found + _drawn_ways(scene, bodies, bows(bodies, bases[-1])))
+    return _some_of_each(bodies, found + _drawn_ways(scene, bodies, bows(bodies, bases[-1])))
 
 
-def _drawn_ways(scene: Scene, bodies: Bodies, paths: Iterable[Array]) -> list[Way]:
-    """The ways along paths (n, 3), m, as far as they can be driven."""
-    driven = [(path, _driven(scene, path)) for path in paths]
-    return [Way(motion, bodies.sides(path)) for path, motion in driven if motion is not None]
-
-
-def _told_apart(bodies: Bodies, ways: list[Way]) -> list[Way]:
-    """The ways, the fastest first; of those that can be pushed into each other the fastest alone:
-    a solver would push them to the same motion."""
+def _some_of_each(bodies: Bodies, ways: list[Way]) -> list[Way]:
+    """The ways, the fastest first; of those that can be pushed into each other the fastest ones
+    alone: most of the others lead to the same motions."""
     found = list[tuple[Way, Array]]()
     for way in sorted(ways, key=lambda way: way.motion.duration):
         path = resampled(sampled(way.motion), PIECES)
-        if not any(is_same_way(bodies, path, other) for _, other in found):
+        if sum(is_same_way(bodies, path, other) for _, other in found) < _OF_EACH:
             found.append((way, path))
     return [way for way, _ in found]
+
+
+def _drawn_ways(scene: Scene, bodies: Bodies, paths: Iterable[Array]) -> list[Way]:
+    """The ways along paths (n, 3), m, as far as they can be driven; those that are much the same
+    once."""
+    known, found = list[Array](), list[Way]()
+    for path in paths:
+        if any(np.abs(path - other).max() < _SAME * bodies.way for other in known):
+            continue
+        known.append(path)
+        motion = _driven(scene, path)
+        if motion is not None:
+            found.append(Way(motion, bodies.sides(path)))
+    return found
 
 
 def clear_motions(scene: Scene, motions: Iterator[Trajectory], number: int) -> Iterator[Trajectory]:

@@ -51,9 +51,9 @@ _SHARES, _BESIDE = (0.25, 0.5, 1.0), 4
 which leads through a plate at an angle still does when they are shifted."""
 _NEAR = 0.1
 """Of the way: bodies that a path comes nearer to are named."""
-_ALIGNED, _BACK = 0.03, (0.02, 0.04, 0.08, 0.16, 0.24)
-"""Squared sine of the angle between arm and bars that bands keep, as start and goal do; and by what
-shares of their way to the middle of the workspace places come back to it, until they are inside."""
+_ALIGNED, _BACK, _SMALL = 0.03, 3, 1e-6
+"""Squared sine of the angle between arm and bars that bands keep, if start and goal do; how many
+steps at once bring them back to it; and of the way, a difference by which its slope is found."""
 
 
 Hit = tuple[int, int, int]
@@ -131,14 +131,21 @@ class Bodies:
         return bands
 
     def in_reach(self, places: Array) -> Array:
-        """Places, (…, 3), m, moved towards the middle of the workspace as far as it takes for arms
-        and bars to be as little in line as a good motion has them, or as an end has."""
-        middle, found = self.scene.robot.on_axis(0.5), places.reshape(-1, 3)
-        for share in _BACK:
-            out = ~(self.model.alignments(found) > self._aligned).all(axis=1)
+        """Places, (…, 3), m, moved as little as it takes for arms and bars to be no more in line
+        than ``_ALIGNED``, or than at an end, as far as the first derivative tells."""
+        found = places.reshape(-1, 3)
+        for _ in range(_BACK):
+            short = self._aligned - self.model.alignments(found)
+            out = short.max(axis=1) > 0
             if not out.any():
                 break
-            found[out] += share * (middle - found[out])
+            x, worst = found[out], short[out].argmax(axis=1)[:, None, None]
+            beside = x[:, None] + self.way * _SMALL * np.eye(3)
+            aligned = self.model.alignments(beside.reshape(-1, 3)).reshape(-1, 3, 3)
+            after = np.take_along_axis(aligned, worst, axis=2)[..., 0]
+            miss = np.take_along_axis(short[out], worst[:, 0], axis=1)
+            slope = (after - (self._aligned - miss)) / (self.way * _SMALL)
+            found[out] = x + miss * slope / (slope**2).sum(axis=1, keepdims=True)
         return found.reshape(places.shape)
 
     @cached_property

@@ -71,11 +71,11 @@ def fastest_way(
 ) -> tuple[Plan, tuple[TakenWay, ...]]:
     """The best plan of all ways past the bodies of a scene, and the ways, first the one taken.
 
-    ``attempt``: from a motion from rest to rest that may run into bodies. ``free``: the fastest motion without them,
-    None where that is not known. ``on_first_mesh``: the motion that is best on the first mesh of an
-    attempt; it may raise an error that ends an attempt, as may ``planned``. ``enough``: above this
-    gap a plan is made again from a finer mesh. Raises Infeasible where there is no way, and such an
-    error where none leads to a plan.
+    ``attempt``: from a motion from rest to rest that may run into bodies. ``free``: the fastest
+    motion without them, None where that is not known. ``on_first_mesh``: the motion that is best on
+    the first mesh of an attempt; it may raise an error that ends an attempt, as may ``planned``.
+    ``enough``: above this gap a plan is made again from a finer mesh. Raises Infeasible where there
+    is no way, and such an error where none leads to a plan.
     """
     resting = at_rest(attempt.scene, attempt.motion)
     ways = ways_around(resting, attempt.motion, free)
