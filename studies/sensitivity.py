@@ -14,7 +14,8 @@ from functools import cache
 from math import isfinite, log
 
 import deltaopt
-from deltaopt.sensitivity.numbers import Content, Job, content_of, job_of, with_value
+from deltaopt.sensitivity.keys import changed
+from deltaopt.sensitivity.numbers import Content, Job, content_of, job_of
 from deltaopt.sensitivity.sensitivity import Sensitivity
 from studies.problems import PROBLEMS
 from studies.text_table import table
@@ -117,7 +118,7 @@ def _by_plans(job: Job, one: Sensitivity, tolerance: float, step: float) -> Comp
     def told(k: int) -> tuple[float, float]:
         value = number.value * (1 + k * step)
         try:
-            duration, gap = _duration(with_value(content, number.path, value), tolerance)
+            duration, gap = _duration(changed(content, {number.key: value}), tolerance)
         except deltaopt.SceneError:
             return float("nan"), 0.0
         return log(duration), gap

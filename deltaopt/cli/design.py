@@ -54,22 +54,17 @@ def run(arguments: argparse.Namespace) -> int:
     )
     spent, before = process_time() - begin, present(directory)
     files = [directory / "designs.csv", directory / "robot.yaml"]
-    rows = [_row(each) for each in sorted(found.candidates, key=lambda each: each.value)]
+    rows = [_row(found, each) for each in sorted(found.candidates, key=lambda each: each.value)]
     with atomic_write(files[0]) as temporary:
-        temporary.write_text(csv_text(_heads(found), rows), encoding="utf-8")
-    (job, *_) = asked.jobs(found.best.choice, list(found.best.values))
+        temporary.write_text(csv_text([*rows[0]], [[*row.values()] for row in rows]), "utf-8")
+    (job, *_) = asked.jobs(found.best.choice, found.best.values)
     write_yaml(files[1], content_of(job)["robot"], f"the best design of {arguments.scene.name}")
     if arguments.json:
-        best = dict(zip(_heads(found), _row(found.best), strict=True))
-        print_json(
-            {"best": best, "evaluations": found.evaluations, "files": [str(f) for f in files]}
-        )
+        counted = {"evaluations": found.evaluations, "files": [str(file) for file in files]}
+        print_json({"best": _row(found, found.best), **counted})
         return 0
-    told = [
-        _heads(found),
-        *([f"{x:.6g}" if isinstance(x, float) else x for x in row] for row in rows),
-    ]
-    print(*text_table([tuple(map(str, row)) for row in told]), sep="\n")
+    told = ([x if isinstance(x, str) else f"{x:.6g}" for x in row.values()] for row in rows)
+    print(*text_table([[*rows[0]], *told]), sep="\n")
     print(
         f"{found.evaluations} designs planned in {spent:.1f} s of a processor; "
         f"{found.passed_over} choices passed over, which cannot be better"
@@ -78,11 +73,10 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _heads(found: Designed) -> list[str]:
+def _row(found: Designed, each: Candidate) -> dict[str, str | float]:
+    """A design by the names of columns."""
     asked = found.design.asked
     durations = [f"{Path(name).stem} [s]" for name in asked.scenes]
-    return ["design", "value", *durations, *(each.key for each in asked.change)]
-
-
-def _row(each: Candidate) -> list[str | float]:
-    return [names_of(each.choice), each.value, *each.durations, *each.values]
+    names = ["design", "value", *durations, *(change.key for change in asked.change)]
+    values: list[str | float] = [names_of(each.choice), each.value, *each.durations, *each.values]
+    return dict(zip(names, values, strict=True))

@@ -17,7 +17,8 @@ import numpy as np
 
 from deltaopt.cli.arguments import WrongUsage, large_number, seed
 from deltaopt.cli.sweep import add_how, filled
-from deltaopt.sweeps.cell_map import AXES, ENDS, load_cell
+from deltaopt.sensitivity.keys import PLACE
+from deltaopt.sweeps.cell_map import ENDS, load_cell
 from deltaopt.sweeps.findings import quantiles, told
 
 _NEARLY = 1.05
@@ -77,7 +78,7 @@ def _range(axis: str, given: list[float] | None, is_region: bool) -> tuple[float
 
 def _places_in_words(table: Any) -> str:
     best = table.loc[table["duration"].idxmin()]
-    duration, x, y, z = best[["duration", *AXES]]
+    duration, x, y, z = best[["duration", *PLACE]]
     near = (table["duration"] <= _NEARLY * duration).sum()
     return (
         f"Fastest {x:.3g} m below the base at y = {y:.3g}, z = {z:.3g} m: {duration:.3f} s; "

@@ -21,9 +21,8 @@ from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.sweeps.findings import best_compromises, message, told, varied
 from deltaopt.sweeps.points import Points
 from deltaopt.sweeps.run import cluster, processes
-from deltaopt.sweeps.sweep import fill
+from deltaopt.sweeps.sweep import fill, read
 from deltaopt.sweeps.sweep_file import load_sweep
-from deltaopt.sweeps.table import read
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

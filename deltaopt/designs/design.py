@@ -8,7 +8,6 @@ without: a local optimum, for durations are no convex functions of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
@@ -20,10 +19,8 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.designs.design_file import Design, Row, load_design
 from deltaopt.errors import NO_PLAN, Infeasible, SceneError, if_possible, installed
 from deltaopt.motion.lower_bound import lower_bound
-from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.cycles.cycle_planning import plan_cycle
 from deltaopt.planning.journal import Progress
-from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import plan
 from deltaopt.scene.cycle import Cycle
 
@@ -81,15 +78,14 @@ def design(
     given = asked if isinstance(asked, Design) else load_design(asked)
     tell, found = progress or (lambda _: None), list[Candidate]()
     evaluations = passed_over = 0
-    for bound, choice in sorted(
-        ((_bound(given, each), each) for each in given.choices()), key=lambda pair: pair[0]
-    ):
+    bounds = ((_bound(given, each), each) for each in given.choices())
+    for bound, choice in sorted(bounds, key=lambda pair: pair[0]):
         if found and bound >= min(each.value for each in found):
             passed_over += 1
             continue
-        search = _Search(given, choice, tolerance, derivatives=derivatives)
+        search = _Search(given, choice, tolerance, derivatives)
         best = search.best()
-        evaluations += search.evaluations
+        evaluations += len(search.known)
         tell(f"{names_of(choice)}: {'no plan' if best is None else f'{best.value:.6g}'}")
         found += [] if best is None else [best]
     if not found:
@@ -103,17 +99,14 @@ def names_of(choice: tuple[Row, ...]) -> str:
     return ", ".join(row.name for row in choice) or "design"
 
 
-def _bound(asked: Design, choice: tuple[Row, ...]) -> float:
+def _bound(given: Design, choice: tuple[Row, ...]) -> float:
     """What no design with these rows undercuts: its price, and where nothing else is changed the
     proven lower bound on its durations."""
+    changes = given.asked.change
     price = sum(row.price for row in choice)
-    changes = asked.asked.change
     price += sum(min(each.price * each.least, each.price * each.most) for each in changes)
-    jobs = None if changes else if_possible((SceneError,), asked.jobs, choice, [])
-    if jobs is None:
-        return price
-    shortest = np.array([_shortest(job) for job in jobs])
-    return price + asked.asked.per_second * float(_over(asked)(shortest))
+    jobs = None if changes else if_possible((SceneError,), given.jobs, choice, [])
+    return price + given.worth([_shortest(job) for job in jobs or ()])
 
 
 def _shortest(job: Any) -> float:
@@ -123,131 +116,84 @@ def _shortest(job: Any) -> float:
     return lower_bound(job)
 
 
-def _over(asked: Design) -> Callable[[Array], Any]:
-    return np.sum if asked.asked.over == "sum" else np.max
-
-
 @dataclass
 class _Search:
-    """The search for the best design with some rows, by shares of the bounds of what may be
-    changed, (k,); of the worst scene's duration as one unknown more, over that at first."""
+    """The search for the best design with some rows. ``known``: by the shares of the bounds of what
+    may be changed, (k,), what was planned: the design and its plans, none where one has none."""
 
-    asked: Design
+    given: Design
     choice: tuple[Row, ...]
     tolerance: float
     derivatives: bool
-    evaluations: int = 0
-    _unit: float = 1.0
-    _known: dict[bytes, tuple[Array, list[Any]]] = field(default_factory=dict)
+    known: dict[bytes, tuple[Candidate, list[Any]]] = field(default_factory=dict)
 
     def best(self) -> Candidate | None:
         """The best one; None where none was found."""
-        changes, asked = self.asked.asked.change, self.asked.asked
-        middle = np.full(len(changes), 0.5)
-        first = self._durations(middle)
-        if len(changes) and first.max() < _NEVER:
-            is_worst, longest = asked.over == "worst", asked.longest or _NEVER
-            self._unit = self._candidate(middle, first).value
-            optimize = installed("scipy.optimize", "design")
-            kept = optimize.NonlinearConstraint(self._room, 0, inf, jac=self._room_slopes)
-            optimize.minimize(
-                self._value,
-                np.append(middle, first.max()) if is_worst else middle,
-                jac=self._slopes if self.derivatives else None,
-                method="SLSQP" if self.derivatives else "COBYQA",
-                bounds=[(0, 1)] * len(changes) + [(0, longest)] * is_worst,
-                constraints=[kept] if is_worst or asked.longest else [],
-                options={"ftol": _DONE} if self.derivatives else {"final_tr_radius": _NEAR},
-            )
-        found = [
-            self._candidate(np.frombuffer(at), known) for at, (known, _) in self._known.items()
-        ]
+        asked, middle = self.given.asked, np.full(len(self.given.asked.change), 0.5)
+        first = self._at(middle)[0]
+        if len(middle) and max(first.durations) < _NEVER:
+            self._minimise(middle, first)
         longest = (1 + self.tolerance) * (asked.longest or _NEVER / 2)
-        possible = [each for each in found if max(each.durations) <= longest]
+        possible = [each for each, _ in self.known.values() if max(each.durations) <= longest]
         return min(possible, key=lambda each: each.value, default=None)
 
-    def _candidate(self, shares: Array, durations: Array) -> Candidate:
-        value = self.asked.asked.per_second * float(_over(self.asked)(durations))
-        values, seconds = tuple(self._values(shares).tolist()), tuple(durations.tolist())
-        return Candidate(self.choice, values, seconds, value + self._price(shares))
+    def _minimise(self, middle: Array, first: Candidate) -> None:
+        """Let scipy look for the best one.
 
-    def _values(self, shares: Array) -> Array:
-        """What may be changed, in SI units."""
-        least, most = self._bounds
-        return np.asarray(least + shares * (most - least))
+        Beside the shares its unknowns are the times that scenes may take, one for each or for the
+        worst, over the longest at ``first``: the value is linear in all of them, and that no scene
+        takes longer is a constraint.
+        """
+        asked, k, seconds = self.given.asked, len(middle), np.array(first.durations)
+        times = np.ones((len(seconds), 1)) if asked.over == "worst" else np.eye(len(seconds))
+        unit, most = seconds.max(), (asked.longest or _NEVER) / seconds.max()
+        prices = np.array([each.price * (each.most - each.least) for each in asked.change])
+        costs = np.append(prices, asked.per_second * unit * np.ones(times.shape[1])) / first.value
+        optimize = installed("scipy.optimize", "design")
+        kept = optimize.NonlinearConstraint(
+            lambda y: times @ y[k:] - np.array(self._at(y[:k])[0].durations) / unit,
+            0,
+            inf,
+            jac=lambda y: np.hstack([-self._slopes(y[:k]) / unit, times]),
+        )
+        optimize.minimize(
+            lambda y: costs @ y,
+            np.append(middle, (times.T * seconds).max(axis=1) / unit),
+            jac=(lambda y: costs) if self.derivatives else None,
+            method="SLSQP" if self.derivatives else "COBYQA",
+            bounds=[(0, 1)] * k + [(0, most)] * times.shape[1],
+            constraints=kept,
+            options={"ftol": _DONE} if self.derivatives else {"final_tr_radius": _NEAR},
+        )
 
-    @property
-    def _bounds(self) -> Array:
-        changes = self.asked.asked.change
-        return np.array([(each.least, each.most) for each in changes]).reshape(-1, 2).T
+    def _at(self, shares: Array) -> tuple[Candidate, list[Any]]:
+        """The design at shares of the bounds, and its plans."""
+        at = shares.tobytes()
+        if at not in self.known:
+            changes = self.given.asked.change
+            pairs = zip(changes, shares.tolist(), strict=True)
+            values = tuple(each.least + x * (each.most - each.least) for each, x in pairs)
+            plans = if_possible((*NO_PLAN, SceneError), self._plans, values) or []
+            never = (_NEVER,) * len(self.given.contents)
+            durations = tuple(each.trajectory.duration for each in plans) or never
+            price = sum(row.price for row in self.choice)
+            price += sum(each.price * x for each, x in zip(changes, values, strict=True))
+            found = Candidate(self.choice, values, durations, price + self.given.worth(durations))
+            self.known[at] = found, plans
+        return self.known[at]
 
-    def _price(self, shares: Array) -> float:
-        prices = [each.price for each in self.asked.asked.change]
-        return sum(row.price for row in self.choice) + float(prices @ self._values(shares))
+    def _plans(self, values: tuple[float, ...]) -> list[Any]:
+        jobs = self.given.jobs(self.choice, values)
+        kinds = (plan_cycle if isinstance(job, Cycle) else plan for job in jobs)
+        return [kind(job, tolerance=self.tolerance) for kind, job in zip(kinds, jobs, strict=True)]
 
-    def _planned(self, shares: Array) -> tuple[Array, list[Any]]:
-        """The durations of all scenes, and their plans, none where one has none."""
-        at = np.ascontiguousarray(shares).tobytes()
-        if at not in self._known:
-            self.evaluations += 1
-            plans = if_possible((*NO_PLAN, SceneError), self._plans, shares) or []
-            seconds = [
-                each.period if isinstance(each, CyclePlan) else each.duration for each in plans
-            ]
-            found = np.array(seconds) if plans else np.full(len(self.asked.contents), _NEVER)
-            self._known[at] = found, plans
-        return self._known[at]
-
-    def _plans(self, shares: Array) -> list[Plan | CyclePlan]:
-        jobs = self.asked.jobs(self.choice, self._values(shares).tolist())
-        return [
-            plan_cycle(job, tolerance=self.tolerance)
-            if isinstance(job, Cycle)
-            else plan(job, tolerance=self.tolerance)
-            for job in jobs
-        ]
-
-    def _durations(self, shares: Array) -> Array:
-        return self._planned(shares)[0]
-
-    def _slopes_of_durations(self, shares: Array) -> Array:
+    def _slopes(self, shares: Array) -> Array:
         """The derivatives of all durations by the shares, (scenes, k), s."""
-        least, most = self._bounds
-        keys, found = [each.key for each in self.asked.asked.change], list[list[float]]()
-        for each in self._planned(shares)[1]:
-            by_key = {one.number.key: one.slope for one in each.sensitivity(keys)}
-            found.append([by_key.get(key, 0.0) for key in keys])
-        return np.asarray(np.array(found).reshape(-1, len(keys)) * (most - least))
-
-    def _value(self, y: Array) -> float:
-        """What is minimised, in units of its first value."""
-        shares, rest = self._split(y)
-        seconds = rest[0] if len(rest) else self._durations(shares).sum()
-        value = self.asked.asked.per_second * seconds + self._price(shares)
-        return float(value) / self._unit
-
-    def _slopes(self, y: Array) -> Array:
-        """Its derivatives."""
-        shares, rest = self._split(y)
-        least, most = self._bounds
-        prices = np.array([each.price for each in self.asked.asked.change]) * (most - least)
-        per_second, seconds = self.asked.asked.per_second, np.ones(len(rest))
-        if not len(rest):
-            prices = prices + per_second * self._slopes_of_durations(shares).sum(axis=0)
-        return np.append(prices, per_second * seconds) / self._unit
-
-    def _room(self, y: Array) -> Array:
-        """By how much less each scene takes than the worst, or than is asked for, s."""
-        shares, rest = self._split(y)
-        allowed = float(rest[0]) if len(rest) else self.asked.asked.longest or _NEVER
-        return np.asarray(allowed - self._durations(shares))
-
-    def _room_slopes(self, y: Array) -> Array:
-        shares, rest = self._split(y)
-        slopes = self._slopes_of_durations(shares)
-        return np.hstack([-slopes, np.ones((len(slopes), len(rest)))])
-
-    def _split(self, y: Array) -> tuple[Array, Array]:
-        """The shares, and the duration of the worst scene where that is an unknown."""
-        k = len(self.asked.asked.change)
-        return y[:k], y[k:]
+        changes = self.given.asked.change
+        slopes = np.zeros((len(self.given.contents), len(changes)))
+        for row, each in zip(slopes, self._at(shares)[1], strict=False):  # none without plans
+            by_key = {
+                one.number.key: one.slope for one in each.sensitivity([c.key for c in changes])
+            }
+            row[:] = [by_key.get(c.key, 0.0) * (c.most - c.least) for c in changes]
+        return slopes

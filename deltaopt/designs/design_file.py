@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -15,8 +15,9 @@ from deltaopt.files.csv_table import WrongCsv, read_csv
 from deltaopt.files.units import DURATION
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Text
 from deltaopt.files.yaml_file import place_of, read_yaml
-from deltaopt.scene.scene_file import has_cycle, load_cycle, load_scene
-from deltaopt.sensitivity.numbers import Content, content_of, job_of, path_of, with_value
+from deltaopt.scene.scene_file import load_job
+from deltaopt.sensitivity.keys import changed
+from deltaopt.sensitivity.numbers import Content, content_of, job_of
 
 _KEY = "a key of a scene or of its robot, such as robot.drive.gear.ratio"
 
@@ -80,7 +81,7 @@ class Row:
 
     name: str
     price: float
-    values: tuple[tuple[str, str], ...]
+    values: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -95,17 +96,19 @@ class Design:
         """Rows of all catalogues, one of each."""
         return product(*self.catalogues)
 
-    def jobs(self, choice: tuple[Row, ...], values: list[float]) -> list[Any]:
+    def jobs(self, choice: tuple[Row, ...], values: Sequence[float]) -> list[Any]:
         """The scenes and cycles with the rows that were chosen and other values of what may be
         changed. Raises SceneError for those that cannot be used."""
-        given: list[tuple[str, Any]] = [pair for row in choice for pair in row.values]
-        given += [(each.key, x) for each, x in zip(self.asked.change, values, strict=True)]
-        jobs = []
-        for content in self.contents:
-            for key, value in given:
-                content = with_value(content, path_of(key), value)
-            jobs.append(job_of(content))
-        return jobs
+        given = dict[str, Any]()
+        for row in choice:
+            given |= row.values
+        given |= {each.key: x for each, x in zip(self.asked.change, values, strict=True)}
+        return [job_of(changed(content, given)) for content in self.contents]
+
+    def worth(self, durations: Sequence[float]) -> float:
+        """What durations of the scenes, s, cost."""
+        longest = max(durations, default=0.0)
+        return self.asked.per_second * (sum(durations) if self.asked.over == "sum" else longest)
 
 
 def load_design(path: str | Path) -> Design:
@@ -115,62 +118,47 @@ def load_design(path: str | Path) -> Design:
     """
     file = Path(path)
     asked = DesignFile.from_content(read_yaml(file), file)
-    scenes = [file.parent / name for name in asked.scenes]
-    jobs = [load_cycle(each) if has_cycle(each) else load_scene(each) for each in scenes]
+    contents = tuple(content_of(load_job(file.parent / name)) for name in asked.scenes)
     rows = tuple(_rows(file, index, each) for index, each in enumerate(asked.catalogues))
-    found = Design(asked, tuple(content_of(job) for job in jobs), rows)
-    for choice in found.choices():
-        for side in ("least", "most"):
-            _require_usable(file, found, choice, [getattr(each, side) for each in asked.change])
+    found = Design(asked, contents, rows)
+    for choice, side in product(found.choices(), ("least", "most")):
+        try:
+            found.jobs(choice, [getattr(each, side) for each in asked.change])
+        except SceneError as error:
+            names = "".join(f" of {row.name}" for row in choice)
+            expected = f"{error.expected}, at the bounds of change{names}"
+            raise SceneError(file, error.key, error.value, expected, error.problem) from None
     return found
-
-
-def _require_usable(
-    file: Path, design: Design, choice: tuple[Row, ...], values: list[float]
-) -> None:
-    try:
-        design.jobs(choice, values)
-    except SceneError as error:
-        names = "".join(f" of {row.name}" for row in choice)
-        expected = f"{error.expected}, at the bounds of change{names}"
-        raise SceneError(file, error.key, error.value, expected, error.problem) from None
-    except (KeyError, IndexError, TypeError):
-        known = {*(each.key for each in design.asked.change)}
-        known |= {key for row in choice for key, _ in row.values}
-        expected = "keys that scenes and robot have, for what stands beside them is changed"
-        raise SceneError(file, "change", ", ".join(sorted(known)), expected) from None
 
 
 def _rows(file: Path, index: int, asked: Catalogue) -> tuple[Row, ...]:
     """The rows of a catalogue. Raises SceneError."""
-    key = f"catalogues[{index}].file"
+    heads = [asked.name, *asked.columns.values(), *([asked.price] if asked.price else [])]
     try:
         table = read_csv(file.parent / asked.file)
-        heads = [asked.name, asked.price or asked.name, *asked.columns.values()]
         missing = [head for head in heads if head.lower() not in table.names]
         if missing:
             raise WrongCsv(f"has no column {missing[0]}")
-        prices = table.columns([asked.price.lower()])[:, 0] if asked.price else [0.0] * 10**4
+        prices = (
+            table.columns([asked.price.lower()])[:, 0] if asked.price else [0] * len(table.rows)
+        )
     except WrongCsv as error:
+        key = f"catalogues[{index}].file"
         place, expected = place_of(file, key), "a CSV file with the columns that are named"
         raise SceneError(file, key, asked.file, expected, str(error), place) from None
-    found = list[Row]()
-    for cells, price in zip(table.rows, prices, strict=False):
-        values = [
-            (name, f"{cells[table.names.index(head.lower())]} {_unit(head)}".strip())
-            for name, head in asked.columns.items()
-        ]
-        name = cells[table.names.index(asked.name.lower())]
-        found.append(
-            Row(
-                name,
-                asked.number * float(price),
-                tuple((k, v) for k, v in values if v[0].isdigit()),
-            )
-        )
-    return tuple(found)
+    cells = [dict(zip(table.names, row, strict=True)) for row in table.rows]
+    return tuple(
+        Row(row[asked.name.lower()], asked.number * float(price), _values(row, asked.columns))
+        for row, price in zip(cells, prices, strict=True)
+    )
 
 
-def _unit(head: str) -> str:
-    """What stands in brackets in the head of a column."""
-    return head.partition("[")[2].rstrip("] ")
+def _values(row: Mapping[str, str], columns: Mapping[str, str]) -> dict[str, str]:
+    """The value of each key in a row of a table that is a number, with the unit that stands in
+    brackets in the head of its column."""
+    entries = {key: (row[head.lower()], head) for key, head in columns.items()}
+    return {
+        key: f"{entry} {head.partition('[')[2].rstrip('] ')}".strip()
+        for key, (entry, head) in entries.items()
+        if entry[:1].isdigit()
+    }

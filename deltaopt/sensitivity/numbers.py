@@ -1,12 +1,10 @@
-"""The numbers of a scene or a cycle by the keys of their files, and the same with one of them
-changed."""
+"""The numbers of a scene or a cycle by the keys of their files."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
-from copy import deepcopy
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, get_args
 
 from deltaopt.files.units import Quantity
@@ -14,48 +12,32 @@ from deltaopt.files.validated_record import Record
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.cycle import Cycle
 from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import made_of
+from deltaopt.sensitivity.keys import parts_of
 
 Job = Scene | Cycle
-Path = tuple[str | int, ...]
 Content = Mapping[str, Any]
 _FIELDS = {"dwell": "dwells"}
 """Keys of files that are called otherwise in records."""
-_PARTS = re.compile(r"[^.\[\]]+")
 
 
 @dataclass(frozen=True)
 class Number:
-    """A number of a file: its key, such as keep_out[0].box.from[1], and its ``value`` in the SI
+    """A number of a file: its ``key``, such as keep_out[0].box.from[1], and its ``value`` in the SI
     ``unit``."""
 
-    path: Path
+    key: str
     value: float
     unit: str
-
-    @property
-    def key(self) -> str:
-        """Its key in a file."""
-        return key_of(self.path)
 
     @property
     def step(self) -> float:
         """A change that is worth telling: one tooth more or less of a gear, 1 mm of a coordinate, 1
         % of anything else."""
-        if self.path[-1] == "ratio":
+        if self.key.endswith(".ratio"):
             return 1.0
-        is_place = self.unit == "m" and isinstance(self.path[-1], int)
+        is_place = self.unit == "m" and self.key.endswith("]")
         return 1e-3 if is_place or not self.value else 0.01 * abs(self.value)
-
-
-def key_of(path: Path) -> str:
-    """The key in a file of a path through its content."""
-    parts = (f"[{each}]" if isinstance(each, int) else f".{each}" for each in path)
-    return "".join(parts).removeprefix(".")
-
-
-def path_of(key: str) -> Path:
-    """The path through the content of a file that a key stands for, such as goal[2] or goal.2."""
-    return tuple(int(part) if part.isdigit() else part for part in _PARTS.findall(key))
 
 
 def content_of(job: Job) -> dict[str, Any]:
@@ -65,13 +47,12 @@ def content_of(job: Job) -> dict[str, Any]:
     """
     if isinstance(job, Scene):
         return job.model_dump(exclude_none=True)
-    legs = [leg.model_dump(exclude_none=True, exclude={"start"}) for leg in job.legs]
+    legs = [leg.model_dump(exclude_none=True) for leg in job.legs]
     for leg in legs:
-        leg.pop("start", None)
+        del leg["start"]
     if any(leg["robot"] != legs[0]["robot"] for leg in legs):  # by their tools
         for leg in legs:
-            tool = leg["robot"].pop("tool", None)
-            leg |= {} if tool is None else {"tool": tool}
+            leg |= {key: leg["robot"].pop(key) for key in ("tool",) if key in leg["robot"]}
     shared = {
         key: value
         for key, value in legs[0].items()
@@ -84,73 +65,41 @@ def content_of(job: Job) -> dict[str, Any]:
     return {**shared, "cycle": cycle, **({} if job.period is None else {"period": job.period})}
 
 
-def job_of(content: Content) -> Job:
+def job_of(content: Content) -> Any:
     """The scene or the cycle of such a content. Raises SceneError for one that cannot be used."""
-    if "cycle" not in content:
-        return Scene.model_validate(content)
-    shared = {key: content[key] for key in content if key not in ("cycle", "period")}
-    limits = dict(shared.pop("limits", {}))
-    rms_torque = limits.pop("rms_torque", None)
-    shared |= {
-        "robot": Robot.model_validate(shared["robot"]),
-        **({"limits": limits} if limits else {}),
-    }
-    legs = list[Scene]()
-    for leg in content["cycle"]:
-        own = {key: value for key, value in leg.items() if key != "dwell"}
-        before = legs[-1].goal if legs else content["cycle"][-1]["goal"]
-        legs.append(Scene.model_validate({**shared, **own, "start": before}))
-    dwells = tuple(leg["dwell"] for leg in content["cycle"])
-    return Cycle(
-        legs=tuple(legs), dwells=dwells, period=content.get("period"), rms_torque=rms_torque
-    )
-
-
-def with_value(content: Content, path: Path, value: Any) -> dict[str, Any]:
-    """A content with another value under a path. Raises KeyError, IndexError or TypeError for one
-    that does not lead anywhere."""
-    changed = deepcopy(dict(content))
-    inner: Any = changed
-    for step, after in zip(path, (*path[1:], None), strict=True):
-        if after is None:
-            inner[step] = value
-        elif isinstance(inner[step], tuple):
-            inner[step] = list(inner[step])
-        inner = inner[step]
-    return changed
+    legs = content.get("cycle")
+    return made_of(content if legs is None else {**content, "start": legs[-1]["goal"]}, Path())
 
 
 def numbers_in(content: Content) -> Iterator[Number]:
     """All numbers of a content."""
-    for path, value in _leaves(content, ()):
-        inside = path[2:] if path[0] == "cycle" else path
-        inside = path[1:] if path[:2] == ("limits", "rms_torque") else inside
-        yield Number(path, float(value), _unit(inside))
+    return (Number(key, value, _unit(key)) for key, value in _leaves(content, ""))
 
 
-def _leaves(content: Any, path: Path) -> Iterator[tuple[Path, float]]:
+def _leaves(content: Any, key: str) -> Iterator[tuple[str, float]]:
     if isinstance(content, Mapping):
-        for key, value in content.items():
-            yield from _leaves(value, (*path, key))
+        for name, value in content.items():
+            yield from _leaves(value, f"{key}.{name}".removeprefix("."))
     elif isinstance(content, Sequence) and not isinstance(content, str):
         for index, value in enumerate(content):
-            yield from _leaves(value, (*path, index))
+            yield from _leaves(value, f"{key}[{index}]")
     elif isinstance(content, int | float) and not isinstance(content, bool):
-        yield path, content
+        yield key, float(content)
 
 
-def _unit(path: Path) -> str:
+def _unit(key: str) -> str:
     """The SI unit of a number of a scene, of its robot or of a cycle; empty without one."""
-    kinds: list[Any] = [Scene, Cycle]
-    for name in (each for each in path if isinstance(each, str)):
-        records = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, Record)]
+    kinds, parts = list[Any]([Scene]), parts_of(key)
+    for name in parts:
+        each = (kind for kind in (*kinds, Cycle) if isinstance(kind, type))
+        records = (kind for kind in each if issubclass(kind, Record))
         fields = (record.model_fields.get(_FIELDS.get(name, name)) for record in records)
         field = next(filter(None, fields), None)
-        if field is None:  # the word that tells a path's kind, as pick_and_place
-            continue
-        kinds = [Robot] if name == "robot" else [*_inside(field.annotation), *field.metadata]
+        if field is not None:  # else a place in a list, or the word that tells a path's kind
+            inside = _inside(field.annotation)
+            kinds = [Robot] if name == "robot" else [*inside, *field.metadata]
     units = [kind.unit for kind in kinds if isinstance(kind, Quantity)]
-    of_point = path[-1] if isinstance(path[-1], int) and len(units) > 1 else 0
+    of_point = int(parts[-1]) if parts[-1].isdigit() and len(units) > 1 else 0
     return units[of_point].replace("**", "^") if units else ""
 
 

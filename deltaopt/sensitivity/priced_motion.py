@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from math import nan
 
 import numpy as np
@@ -25,6 +24,7 @@ import numpy as np
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.errors import NotConverged, SceneError, if_possible
 from deltaopt.limits.limit import OwnMeasure
+from deltaopt.motion.approach_excess import approach_rows
 from deltaopt.motion.extrema import everywhere
 from deltaopt.motion.loads import LoadsOfMotion
 from deltaopt.motion.running_cost import cost as cost_of
@@ -71,7 +71,7 @@ class PricedMotion:
 
     ``fractions``: of every interval, where limits are imposed. ``prices``: of the rows there, by
     what share the cost grows per unit by which a bound is tightened, (N, points, rows), negative at
-    lower bounds. ``meet``: when the phases of the problem meet, s.
+    lower bounds. ``solved``: the relative tolerance to which it is the best.
     """
 
     problem: Problem
@@ -86,10 +86,8 @@ class PricedMotion:
         Lagrangian does not change where the motion is slower, which is one change of many."""
         if not self.problem.is_at_rest:
             return self.solved
-        both = (
-            self._lagrangian(self.problem, self.motion.slowed(1 + by)) for by in (_SLOWER, -_SLOWER)
-        )
-        slower, faster = both
+        motions = (self.motion.slowed(1 + by) for by in (-_SLOWER, _SLOWER))
+        faster, slower = (self._lagrangian(self.problem, each) for each in motions)
         return max(self.solved, abs(slower - faster) / (2 * _SLOWER))
 
     @cached_property
@@ -97,75 +95,51 @@ class PricedMotion:
         """Of the motion, in the objective's unit."""
         return cost_of(self.problem, self.motion)
 
-    @cached_property
-    def _meet(self) -> Array:
-        """When phases meet, s."""
-        return passes(self.problem, self.motion)
-
     def of_job(self, scene: Scene) -> float:
-        """``about`` the problem of a scene; not a number where its equations are others."""
-        problem = problem_of(scene)
-        alike = problem.model.functions is self.problem.model.functions
-        alike = alike and problem.limits.constraints == self.problem.limits.constraints
-        return self.about(problem) if alike else nan
-
-    def about(self, problem: Problem) -> float:
-        """ln C of the best motion of a problem that differs by little, but for a constant: to first
+        """ln C of the best motion of a scene that differs by little, but for a constant: to first
         order in what differs.
 
-        Not a number where a motion that is led to other ends leaves the workspace.
+        Not a number where its equations are others, or a motion that is led to other ends leaves
+        the workspace.
         """
+        problem = problem_of(scene)
+        alike = problem.model.functions is self.problem.model.functions
+        if not alike or problem.limits.constraints != self.problem.limits.constraints:
+            return nan
         return self._lagrangian(problem, Trajectory(self._led_to(problem), problem.model))
 
     def _lagrangian(self, problem: Problem, motion: Trajectory) -> float:
-        return cost_of(problem, motion) / self.cost + float(
-            (self.prices * self._rows(problem, motion)).sum()
-        )
+        """The cost, as a share of this motion's, and the rows of the limits at their prices."""
+        priced = float((self.prices * self._rows(problem, motion)).sum())
+        return cost_of(problem, motion) / self.cost + priced
 
     def _led_to(self, problem: Problem) -> PiecewisePolynomial:
         """The position, led to the boundaries of another problem."""
-        instants = np.concatenate(
-            [self.motion.position.knots[:1], self._meet, self.motion.position.knots[-1:]]
-        )
-        reached = self.motion.position.at(instants)
-        pairs = zip(self.problem.boundaries, problem.boundaries, strict=True)
-        shifts = np.array(
-            [
-                _shift(before, after, x, float(t))
-                for (before, after), x, t in zip(pairs, reached, instants, strict=True)
-            ]
-        )
+        position = self.motion.position
+        meet = passes(self.problem, self.motion)
+        instants = np.concatenate([position.knots[:1], meet, position.knots[-1:]])
+        boundaries = self.problem.boundaries, problem.boundaries
+        each = zip(*boundaries, position.at(instants), instants.tolist(), strict=True)
+        shifts = np.array([_shift(*one) for one in each])
         if not shifts.any():
-            return self.motion.position
+            return position
         bend = PiecewisePolynomial.hermite(instants, *shifts.transpose(1, 0, 2))
-        knots, together = self.motion.position.knots[:: problem.together], problem.together
+        knots = position.knots[:: problem.together]
         x, v, a = (bend.at(knots, order) for order in range(3))
-        if together > 1:
+        if problem.together > 1:
             bend = PiecewisePolynomial.in_thirds(knots, x, v, a)
         else:
             bend = PiecewisePolynomial.hermite(knots, x, v)
-        return replace(
-            self.motion.position, coefficients=self.motion.position.coefficients + bend.coefficients
-        )
+        return replace(position, coefficients=position.coefficients + bend.coefficients)
 
     def _rows(self, problem: Problem, motion: Trajectory) -> Array:
         """Rows of a problem at the points, (N, points, rows)."""
-        intervals, fractions = everywhere(len(self.prices), self.fractions)
-        limits, found = problem.limits, list[Array]()
-        if limits.phased is None:
-            return LoadsOfMotion.of(problem, motion)(intervals, fractions).rows.reshape(
-                self.prices.shape
-            )
-        own = limits.phased.numbers
-        ends = [0, *np.searchsorted(self.motion.position.knots, self._meet - 1e-12).tolist(), None]
-        phases = limits.phased.limit.numbers_in_phases(limits.numbers[own])
-        for numbers, (begin, end) in zip(phases, pairwise(ends), strict=True):
-            all_numbers = limits.numbers.copy()
-            all_numbers[own] = numbers
-            in_phase = replace(problem, limits=replace(limits, numbers=all_numbers))
-            rows = LoadsOfMotion.of(in_phase, motion)(intervals, fractions).rows
-            found.append(rows.reshape(self.prices.shape)[begin:end])
-        return np.concatenate(found)
+        places = everywhere(len(self.prices), self.fractions)
+        rows = LoadsOfMotion.of(problem, motion)(*places).rows.reshape(self.prices.shape)
+        phased = problem.limits.phased
+        if phased is not None:
+            rows[:, :, phased.rows] = approach_rows(problem, motion, self.fractions)
+        return rows
 
 
 def _shift(before: Boundary, after: Boundary, x: Array, t: float) -> Array:
@@ -251,12 +225,10 @@ def _priced(plan: Plan, mesh: Array) -> PricedMotion:
     for accuracy in (_ACCURACIES[-1], *_ACCURACIES):
         guess = Guess(motion, near=True, tolerance=accuracy, on_its_mesh=True)
         other = if_possible((NotConverged,), program.solve, guess, scaling, p)
-        if other is None and found is not None:
-            break
         if other is not None:
             found, solved = other, accuracy
             motion = Trajectory(other.position, problem.model)
-        if solved == _ACCURACIES[-1]:
+        if found is not None and (other is None or solved == _ACCURACIES[-1]):
             break
     if found is None or not found.all_at_points:
         raise NotConverged("limits have no prices on a finer mesh", "No_Prices", motion)

@@ -9,21 +9,15 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
-from typing import Any
 
 import numpy as np
 
 from deltaopt.errors import SceneError, if_possible
+from deltaopt.files.tables import finite
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.plan import Plan
-from deltaopt.sensitivity.numbers import (
-    Content,
-    Number,
-    content_of,
-    job_of,
-    numbers_in,
-    with_value,
-)
+from deltaopt.sensitivity.keys import changed
+from deltaopt.sensitivity.numbers import Content, Number, content_of, job_of, numbers_in
 from deltaopt.sensitivity.priced_cycle import PricedCycle, priced_cycles
 from deltaopt.sensitivity.priced_motion import PricedMotion, priced_motions
 
@@ -103,10 +97,8 @@ class Sensitivity:
     def as_dict(self) -> dict[str, object]:
         """All of it for machines; None for what is not known."""
         names = ("slope", "error", "below", "above", "exponent")
-        known = {name: getattr(self, name) for name in names}
-        numbers = {name: value if isfinite(value) else None for name, value in known.items()}
-        of = self.number
-        return {"key": of.key, "value": of.value, "unit": of.unit, **numbers}
+        numbers = {name: finite(getattr(self, name)) for name in names}
+        return {**vars(self.number), **numbers}
 
 
 def _in_words(share: float) -> str:
@@ -125,9 +117,9 @@ def sensitivity(
     dependence is not known, and NotConverged.
     """
     meshes: Meshes = priced_motions(found) if isinstance(found, Plan) else priced_cycles(found)
-    duration = found.duration if isinstance(found, Plan) else found.period
     content = content_of(found.scene if isinstance(found, Plan) else found.cycle)
     numbers = (each for each in numbers_in(content) if keys is None or each.key in keys)
+    duration = found.trajectory.duration
     each = (_of_number(content, number, meshes, duration) for number in numbers)
     return tuple(sorted((one for one in each if one), key=lambda one: -one.told))
 
@@ -137,10 +129,8 @@ def _of_number(
 ) -> Sensitivity | None:
     """The sensitivity to one number; None where it is in no equation."""
     step = _STEP * abs(number.value) or _OF_ZERO
-    jobs: list[Any] = [
-        if_possible((SceneError,), job_of, with_value(content, number.path, number.value + by))
-        for by in (-step, 0.0, step)
-    ]
+    contents = (changed(content, {number.key: number.value + by}) for by in (-step, 0.0, step))
+    jobs = [if_possible((SceneError,), job_of, each) for each in contents]
     of_meshes = np.array(
         [[nan if job is None else mesh.of_job(job) for job in jobs] for mesh in meshes]
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,13 +15,12 @@ from deltaopt.robot.robot import load_robot
 from deltaopt.scene.feasibility import are_surely_feasible
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import made_of
-from deltaopt.sweeps.keys import Content, ends_of
-from deltaopt.sweeps.points import Base, Changes, Points
+from deltaopt.sensitivity.keys import PLACE, Content, ends_of
+from deltaopt.sweeps.points import Base, Points
 from deltaopt.sweeps.sweep_file import Samples, base_of
 
-AXES = ("place.x", "place.y", "place.z")
 ENDS = tuple(f"{end}.{axis}" for end in ("start", "goal") for axis in range(3))
-"""Columns of maps: of the middle of a move, and of the ends of random moves."""
+"""Columns of random moves."""
 _USUAL: Content = {
     "payload": 1.0,
     "start": [0.0, -0.1525, 0.0],
@@ -58,18 +56,16 @@ class Cell:
         in the region in which its ends can be. Raises Infeasible if there is none."""
         middles = self._region(ends_of(self.base.content))
         below = middles[(middles[:, 1:] == 0).all(axis=1)]
-        depths = (below if len(below) else middles)[:, 0]
-        high, low = np.quantile(depths, _DEPTHS)
+        high, low = np.quantile((below if len(below) else middles)[:, 0], _DEPTHS)
         middles = middles[(middles[:, 0] >= high) & (middles[:, 0] <= low)]
-        least, most = middles.min(axis=0), middles.max(axis=0)
-        axes = list[list[Changes]]()
-        ends = zip(least.tolist(), most.tolist(), _STEPS, strict=True)
-        for axis, given, usual in zip(AXES, (x, y, z), ends, strict=True):
-            begin, *rest = given or usual
-            end, number = (*rest, usual[2])[:2] if rest else (begin, 1)
-            values = np.linspace(begin, end, int(number)).round(_DIGITS) + 0.0
+        usual = np.array([middles.min(axis=0), middles.max(axis=0), _STEPS]).T
+        axes = []
+        for axis, given, (least, most, steps) in zip(PLACE, (x, y, z), usual.tolist(), strict=True):
+            first, *rest = given or (least, most)
+            last, number = (*rest, steps)[:2] if rest else (first, 1)
+            values = np.linspace(first, last, int(number)).round(_DIGITS) + 0.0
             axes.append([{axis: value} for value in values.tolist()])
-        return Points([self.base], axes, AXES)
+        return Points([self.base], axes, PLACE)
 
     def moves(
         self, number: int, x: Range = (), y: Range = (), z: Range = (), seed: int = 1
@@ -81,13 +77,11 @@ class Cell:
         content = {k: v for k, v in self.base.content.items() if k not in _OF_ONE_MOVE}
         content |= {"start": [0.0, 0.0, 0.0], "goal": [1.0, 0.0, 0.0]}
         region = self._region(np.zeros((1, 3)))
-        ends = dict[str, Any]()
-        for name in ENDS:
-            axis = int(name[-1])
-            least, most = float(region[:, axis].min()), float(region[:, axis].max())
-            begin, end, *_ = (x, y, z)[axis] or (least, most)
-            ends[name] = {"from": begin, "to": end}
-        drawn = Samples(ranges=ends, number=_DRAWN * number, seed=seed).drawn
+        whole = np.array([region.min(axis=0), region.max(axis=0)]).T.tolist()
+        sides = [given or ends for given, ends in zip((x, y, z), whole, strict=True)]
+        named = zip(ENDS, 2 * sides, strict=True)
+        ranges = {name: {"from": least, "to": most} for name, (least, most, *_) in named}
+        drawn = Samples(ranges=ranges, number=_DRAWN * number, seed=seed).drawn
         points = np.array([[*each.values()] for each in drawn])
         sure = are_surely_feasible(self._scene, points.reshape(-1, 3)).reshape(-1, 2)
         possible = [each for each, can_be in zip(drawn, sure, strict=True) if can_be.all()][:number]
@@ -109,12 +103,12 @@ class Cell:
     def _region(self, ends: Array) -> Array:
         """The places, (N, 3), m, at which the middle of points, (M, 3), can be for the robot to be
         at rest at all of them. Raises Infeasible."""
-        far = self._scene.robot.farthest
+        scene = self._scene
+        far = scene.robot.farthest
         sides = [np.linspace(least, far, _LOOKED) for least in (0.0, -far, -far)]
         middles = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 3)
-        can_be = [
-            are_surely_feasible(self._scene, middles + end - ends.mean(axis=0)) for end in ends
-        ]
+        away = ends - ends.mean(axis=0)
+        can_be = [are_surely_feasible(scene, middles + each) for each in away]
         found = middles[np.all(can_be, axis=0)]
         if not len(found):
             raise Infeasible(f"{self.base.file}: the robot can be at rest at all ends nowhere")

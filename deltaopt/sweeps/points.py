@@ -11,7 +11,25 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-from deltaopt.sweeps.row import FACTS, Task
+FACTS = (
+    "duration",
+    "parts_per_minute",
+    "rms_share",
+    "torque_share",
+    "singularity",
+    "limited_by",
+    "verified",
+    "gap",
+    "seconds",
+    "error",
+)
+"""Columns of every table. ``duration``: of a motion, or the period of a cycle, s.
+``parts_per_minute``: of a single motion as if it went there and back. ``rms_share``: the RMS torque
+of the motor that is warmest if this goes on without a pause, over what it is rated for.
+``torque_share``: the largest torque over its limit. ``singularity``: the least distance from any, 1
+at best. ``limited_by``: the limit that the motion is at for most of the time. ``verified``: yes or
+no. ``gap``: how much longer than the optimum it is, estimated. ``seconds``: of a processor.
+``error``: what verification finds wrong, or why there is no plan."""
 
 Changes = Mapping[str, Any]
 """Of a point: the value of each of its columns."""
@@ -28,6 +46,25 @@ class Base:
 
 
 @dataclass(frozen=True)
+class Task:
+    """A point to plan: its ``index``, what is to be changed in its ``base``, and the ``tolerance``
+    of its plan."""
+
+    index: int
+    base: Base
+    changes: Changes
+    tolerance: float
+
+    @property
+    def head(self) -> dict[str, Any]:
+        """The first columns of its row: its number, a hash of all that its plan depends on, what
+        its base is called, and its values."""
+        given = json.dumps([self.base.content, self.changes, self.tolerance], sort_keys=True)
+        inputs = sha256(given.encode()).hexdigest()[:12]
+        return {"point": self.index, "inputs": inputs, **self.base.name, **self.changes}
+
+
+@dataclass(frozen=True)
 class Points:
     """All bases, each with one set of changes of each of the ``axes`` together.
 
@@ -41,19 +78,14 @@ class Points:
 
     @property
     def columns(self) -> list[str]:
-        """Of the table: the number of the point, a hash of all that its plan depends on, what its
-        base is called, its values, and the facts of its plan."""
+        """Of the table: those of the head of a task, and the facts of its plan."""
         return ["point", "inputs", *self.bases[0].name, *self.keys, *FACTS]
 
     def __len__(self) -> int:
         return len(self.bases) * prod(map(len, self.axes))
 
-    def __iter__(self) -> Iterator[tuple[Task, dict[str, Any]]]:
-        """Each point with the first columns of its row."""
+    def __iter__(self) -> Iterator[Task]:
         pairs = ((base, parts) for base in self.bases for parts in product(*self.axes))
         for index, (base, parts) in enumerate(pairs):
             changes = {key: value for part in parts for key, value in part.items()}
-            task = Task(index, base.file, base.content, changes, self.tolerance)
-            given = json.dumps([base.content, changes, self.tolerance], sort_keys=True)
-            inputs = sha256(given.encode()).hexdigest()[:12]
-            yield task, {"point": index, "inputs": inputs, **base.name, **changes}
+            yield Task(index, base, changes, self.tolerance)

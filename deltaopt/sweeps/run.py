@@ -6,23 +6,16 @@ import os
 import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    wait,
-)
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from concurrent import futures
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from multiprocessing import parent_process
 from multiprocessing.connection import wait as wait_for
 from threading import Thread
 
 from deltaopt.errors import DeltaOptError, installed
-from deltaopt.sweeps.row import Row, Task
+from deltaopt.sweeps.points import Task
+from deltaopt.sweeps.row import Row, row_of
 
 _AHEAD = 2
 """How many points for each worker are under way, so that none waits for the next."""
@@ -37,7 +30,7 @@ class Workers:
     """What plans points: an ``executor``, and how many it plans at once. ``ended``: its error of a
     point whose planning ends the workers, again and again."""
 
-    executor: Executor
+    executor: futures.Executor
     number: int
     ended: tuple[type[Exception], ...] = ()
 
@@ -52,13 +45,18 @@ def processes(number: int | None = None) -> Start:
     @contextmanager
     def start() -> Iterator[Workers]:
         many = number or (os.cpu_count() or 1)
-        pool = ProcessPoolExecutor(many, initializer=_begin)
+        pool = futures.ProcessPoolExecutor(many, initializer=_begin)
         try:
-            yield Workers(pool, many, (BrokenExecutor,))
+            yield Workers(pool, many, (futures.BrokenExecutor,))
         finally:
             pool.shutdown(cancel_futures=True)
 
     return start
+
+
+def on(executor: futures.Executor, number: int) -> Start:
+    """An executor that is there already, with so many points at once."""
+    return lambda: nullcontext(Workers(executor, number))
 
 
 def cluster(address: str) -> Start:
@@ -91,7 +89,7 @@ def rows(tasks: Iterable[Task], start: Start) -> Iterator[Row]:
     others are done. Raises NoCluster where that ends.
     """
     upcoming, again, faults = iter(tasks), deque[Task](), list[BaseException]()
-    under_way, broken = dict[Future[Row], Task](), False
+    under_way, broken = dict[futures.Future[Row], Task](), False
     with ExitStack() as running:
         workers = running.enter_context(start())
         while True:
@@ -103,13 +101,13 @@ def rows(tasks: Iterable[Task], start: Start) -> Iterator[Row]:
                 task = again.popleft() if again else next(upcoming, None)
                 if task is None:
                     break
-                under_way[workers.executor.submit(Task.row, task)] = task
+                under_way[workers.executor.submit(row_of, task)] = task
             if not under_way:
                 break
             alone = len(under_way) == 1 and not broken
-            for future in wait(under_way, return_when=FIRST_COMPLETED).done:
+            for future in futures.wait(under_way, return_when=futures.FIRST_COMPLETED).done:
                 task, error = under_way.pop(future), _error(future)
-                broken = broken or isinstance(error, BrokenExecutor)
+                broken = broken or isinstance(error, futures.BrokenExecutor)
                 if error is None:
                     yield future.result()
                 elif not isinstance(error, workers.ended):
@@ -117,15 +115,15 @@ def rows(tasks: Iterable[Task], start: Start) -> Iterator[Row]:
                 elif broken and not alone:
                     again.append(task)
                 else:
-                    yield {"point": task.index, "error": "whatever process plans it ends"}
+                    yield {**task.head, "error": "whatever process plans it ends"}
     if faults:
         raise faults[0]
 
 
-def _error(future: Future[Row]) -> BaseException | None:
+def _error(future: futures.Future[Row]) -> BaseException | None:
     try:
         return future.exception()
-    except CancelledError:
+    except futures.CancelledError:
         raise NoCluster("the cluster has ended; started again, the sweep goes on") from None
 
 

@@ -1,32 +1,34 @@
-"""Fills the table of a sweep: plans the points that have no row yet, and adds their rows."""
+"""The table of a sweep: a CSV file to which the row of each point is added as it is planned."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import csv
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
-from contextlib import nullcontext
+from contextlib import ExitStack, contextmanager
+from io import StringIO
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from deltaopt.errors import installed
+from deltaopt.errors import Unusable, installed, on_one_line
+from deltaopt.files.atomic_write import atomic_write, require_replaceable
+from deltaopt.files.csv_table import csv_text
+from deltaopt.files.output_folder import locked
 from deltaopt.sweeps.points import Points
-from deltaopt.sweeps.row import Task
-from deltaopt.sweeps.run import Start, Workers, processes, rows
+from deltaopt.sweeps.row import Row
+from deltaopt.sweeps.run import Start, on, processes, rows
 from deltaopt.sweeps.sweep_file import Sweep, load_sweep
-from deltaopt.sweeps.table import (
-    ELSEWHERE,
-    PARQUET,
-    OtherTable,
-    Table,
-    csv_of,
-    read,
-    table,
-    write_parquet,
-)
+
+PARQUET = ".parquet"
+ELSEWHERE = "remove it, or write to another file with -o"
 
 Progress = Callable[[float, str], None]
 """Is called with the share that is done, 0 to 1, and a text."""
+
+
+class OtherTable(Unusable):
+    """A file is the table of another sweep, or is being written."""
 
 
 def sweep(
@@ -61,10 +63,7 @@ def sweep(
     if isinstance(what, Sweep):
         what = what.points_from(Path())
     points = what if isinstance(what, Points) else load_sweep(what)[1]
-    start = processes(workers)
-    if executor is not None:
-        given = Workers(executor, workers or 1)
-        start = lambda: nullcontext(given)  # noqa: E731  # it has no name of its own
+    start = processes(workers) if executor is None else on(executor, workers or 1)
     fill(Path(file), points, start, progress)
     return read(Path(file))
 
@@ -72,48 +71,70 @@ def sweep(
 def fill(file: Path, points: Points, start: Start, progress: Progress | None = None) -> None:
     """Add the row of each point that has none to a table. Raises OtherTable where its rows are of
     other points than these."""
-    with table(csv_of(file), points.columns) as found:
-        _require_same(file, found, points)
-        heads, tell = dict[int, dict[str, Any]](), _told(len(points), len(found.done), progress)
-
-        def left() -> Iterator[Task]:
-            for task, head in points:
-                if task.index not in found.done:
-                    heads[task.index] = head
-                    yield task
-
-        for row in rows(left(), start) if len(found.done) < len(points) else ():
-            found.add(heads.pop(row["point"]) | row)
-            tell()
     if file.suffix == PARQUET:
-        write_parquet(file)
+        installed("pyarrow", "parquet")  # before any work
+    with _table(_csv_of(file), points.columns) as (there, add):
+        same = sum(there.get(task.index) == task.head["inputs"] for task in points if there)
+        if same < len(there):
+            raise OtherTable(
+                f"{_csv_of(file)}: {len(there) - same} of its {len(there)} rows are of other "
+                f"points than this sweep has now, or of files that have changed; {ELSEWHERE}"
+            )
+        missing, begun = len(points) - len(there), monotonic()
+        left = (task for task in points if task.index not in there)
+        for number, row in enumerate(rows(left, start) if missing else (), 1):
+            add(row)
+            seconds = (missing - number) * (monotonic() - begun) / number
+            if progress is not None:
+                time = f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"
+                done = len(there) + number
+                progress(done / len(points), f"{done} of {len(points)} points, {time} left")
+    if file.suffix == PARQUET:
+        with atomic_write(file) as temporary:
+            read(file).to_parquet(temporary)
 
 
-def _require_same(file: Path, found: Table, points: Points) -> None:
-    if not found.done:
-        return
-    same = sum(found.done.get(task.index) == head["inputs"] for task, head in points)
-    if same < len(found.done):
-        raise OtherTable(
-            f"{csv_of(file)}: {len(found.done) - same} of its {len(found.done)} rows are of other "
-            f"points than this sweep has now, or of files that have changed; {ELSEWHERE}"
-        )
+def read(file: Path) -> Any:
+    """The rows of a table in the order of its points, as a pandas DataFrame. Raises
+    MissingPackage."""
+    rows = installed("pandas", "sweep").read_csv(_csv_of(file))
+    return rows.sort_values("point", ignore_index=True)
 
 
-def _told(total: int, before: int, progress: Progress | None) -> Callable[[], None]:
-    """A function to call after each row, which tells how many there are and how long it takes."""
-    begun, done = monotonic(), before
-
-    def tell() -> None:
-        nonlocal done
-        done += 1
-        left = (total - done) * (monotonic() - begun) / (done - before)
-        if progress is not None:
-            progress(done / total, f"{done} of {total} points, {_in_words(left)} left")
-
-    return tell
+def _csv_of(file: Path) -> Path:
+    """The CSV file to which rows are added of the table that is to be ``file`` in the end."""
+    return file.with_suffix(".csv") if file.suffix == PARQUET else file
 
 
-def _in_words(seconds: float) -> str:
-    minutes = seconds / 60
-    return f"{seconds:.0f} s" if minutes < 2 else f"{minutes:.0f} min"
+@contextmanager
+def _table(
+    file: Path, columns: Sequence[str]
+) -> Iterator[tuple[dict[int, str], Callable[[Row], None]]]:
+    """The table of a file, made if need be, for one process at a time: the hash of the inputs of
+    each point that has a row, by its number, and a function that adds a row.
+
+    Rows are added whole: what a process that was killed left half written is not there any more.
+    Raises OtherTable for the table of another sweep, and OSError.
+    """
+    file.parent.mkdir(parents=True, exist_ok=True)
+    require_replaceable(file)
+    with file.open("a", encoding="utf-8", newline="") as out, ExitStack() as held:
+        try:
+            held.enter_context(locked(file, wait=False))
+        except BlockingIOError:
+            raise OtherTable(f"{file}: another sweep is writing it") from None
+        header, content = csv_text(columns, ()).encode(), file.read_bytes()
+        if not header.startswith(content[: len(header)]):
+            raise OtherTable(f"{file} is not a table with the columns of this sweep; {ELSEWHERE}")
+        whole = content[: content.rfind(b"\n") + 1] or header
+        out.truncate(len(whole) if content.startswith(header) else 0)
+        rows = csv.DictWriter(out, columns, lineterminator="\n")
+
+        def add(row: Row) -> None:
+            rows.writerow({k: on_one_line(v) if isinstance(v, str) else v for k, v in row.items()})
+            out.flush()
+
+        if not content.startswith(header):
+            rows.writeheader()
+        _, *lines = csv.reader(StringIO(whole.decode()))
+        yield {int(line[0]): line[1] for line in lines}, add

@@ -20,17 +20,16 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from deltaopt.errors import SceneError, installed
 from deltaopt.files.units import whatever_in_si
 from deltaopt.files.validated_record import Positive, Record, Text
 from deltaopt.files.yaml_file import read_yaml
 from deltaopt.robot.robot import load_robot
-from deltaopt.scene.scene_file import content_with_files, has_cycle, load_cycle, load_scene, made_of
-from deltaopt.sweeps.keys import changed
-from deltaopt.sweeps.points import Base, Changes, Points
-from deltaopt.sweeps.row import FACTS
+from deltaopt.scene.scene_file import content_with_files, load_job, made_of
+from deltaopt.sensitivity.keys import changed
+from deltaopt.sweeps.points import FACTS, Base, Changes, Points
 
 MOST_POINTS = 1_000_000
 _NUMBER = f"a whole number from 1 to {MOST_POINTS}"
@@ -54,16 +53,16 @@ class Samples(Record):
     )
     seed: Annotated[int, Field(ge=0)] = Field(default=1, description="a whole number, at least 0")
 
-    @property
-    def ends(self) -> dict[str, tuple[float, float]]:
-        """Of each range. Raises SceneError."""
-        return {key: _ends(f"samples.ranges.{key}", given) for key, given in self.ranges.items()}
+    @field_validator("ranges")
+    @classmethod
+    def _in_si(cls, ranges: dict[str, Any]) -> dict[str, Any]:
+        return {key: _ends(f"ranges.{key}", given) for key, given in ranges.items()}
 
     @property
     def drawn(self) -> list[Changes]:
         """The points. Raises MissingPackage without scipy."""
         qmc = installed("scipy.stats", "sweep").qmc
-        least, most = np.array(list(self.ends.values())).T
+        least, most = np.array(list(self.ranges.values())).T
         method = qmc.Sobol if self.method == "sobol" else qmc.LatinHypercube
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # best balanced are powers of two
@@ -101,6 +100,11 @@ class Sweep(Record):
         default=None, description=f"two columns, each {_COLUMN}"
     )
 
+    @field_validator("grid")
+    @classmethod
+    def _in_si(cls, grid: dict[str, Any]) -> dict[str, Any]:
+        return {key: _values(f"grid.{key}", given) for key, given in grid.items()}
+
     @model_validator(mode="after")
     def _has_columns(self) -> Self:
         known = {*self.headers, *FACTS}
@@ -111,23 +115,11 @@ class Sweep(Record):
 
     @property
     def headers(self) -> list[str]:
-        """Of the columns of what is changed. Raises SceneError."""
-        return list(dict.fromkeys(key for axis in self.listed for each in axis for key in each))
-
-    @property
-    def listed(self) -> list[list[Changes]]:
-        """The changes of each key of the grid, of the points, and at the ends of all ranges of the
-        samples. Raises SceneError."""
-        axes: list[list[Changes]] = [
-            [{key: value} for value in _values(f"grid.{key}", given)]
-            for key, given in self.grid.items()
-        ]
-        if self.points:
-            axes.append([{k: whatever_in_si(v) for k, v in each.items()} for each in self.points])
-        if self.samples:
-            ends = self.samples.ends.items()
-            axes.append([{key: pair[which] for key, pair in ends} for which in (0, 1)])
-        return axes
+        """Of the columns of what is changed."""
+        ranges = self.samples.ranges if self.samples else {}
+        return list(
+            dict.fromkeys([*self.grid, *(k for p in self.points or () for k in p), *ranges])
+        )
 
     def points_from(self, folder: Path) -> Points:
         """All points; files are relative to a folder. Raises SceneError, also where no value of a
@@ -137,12 +129,16 @@ class Sweep(Record):
             for scene in ([self.scene] if isinstance(self.scene, str) else self.scene)
             for robot in (self.robot if isinstance(self.robot, tuple) else [self.robot])
         ]
-        axes = self.listed
+        axes: list[Sequence[Changes]] = [
+            [{key: value} for value in values] for key, values in self.grid.items()
+        ]
+        if self.points:
+            axes.append([{k: whatever_in_si(v) for k, v in each.items()} for each in self.points])
+        if self.samples:
+            axes.append(self.samples.drawn)
         unchanged: list[Changes] = [{}]
         for changes in (unchanged, *axes):
             _require_usable(bases, changes)
-        if self.samples:
-            axes[-1] = self.samples.drawn
         return Points(bases, axes, self.headers, self.tolerance)
 
 
@@ -163,7 +159,7 @@ def base_of(folder: Path, scene: str, robot: str | None) -> Base:
     """The content of a scene's file and of that of a robot, its own unless one is named. Raises
     SceneError."""
     file = folder / scene
-    (load_cycle if has_cycle(file) else load_scene)(file)  # its own errors name lines
+    load_job(file)  # its own errors name lines
     content = content_with_files(file)
     if robot is None:
         return Base({"scene": scene}, file, content)

@@ -115,7 +115,7 @@ def test_rows_of_a_catalogue(folder, capsys):
         ),
         (
             "scenes: [far.yaml]\n" + GEAR.replace("drive.gear", "dirve.gear"),
-            "change is 'robot.dirve.gear.ratio'; expected keys that scenes and robot have",
+            "robot.dirve is not a known key; expected drive, at the bounds of change",
         ),
         (
             "scenes: [far.yaml]\n" + GEAR.replace("least: 8", "least: -8"),

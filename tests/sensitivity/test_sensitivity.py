@@ -9,7 +9,8 @@ import pytest
 
 import deltaopt
 from deltaopt.cli import main
-from deltaopt.sensitivity.numbers import content_of, job_of, with_value
+from deltaopt.sensitivity.keys import changed
+from deltaopt.sensitivity.numbers import content_of, job_of
 
 DIMENSIONS = {
     "": (0, 0, 0),
@@ -81,7 +82,7 @@ def test_plans_of_changed_scenes_take_as_long_as_told(key, about):
     )
     of, step = fine.number, 1e-3
     longer = [
-        log(planned(job_of(with_value(content_of(scene), of.path, value)), 1e-9).duration)
+        log(planned(job_of(changed(content_of(scene), {of.key: value})), 1e-9).duration)
         for value in (of.value * (1 - step), of.value * (1 + step))
     ]
     exponent = (longer[1] - longer[0]) / (2 * step)

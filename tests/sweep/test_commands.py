@@ -86,7 +86,7 @@ def test_a_sweep_draws_its_keys_and_the_best_compromises(tmp_path, capsys):
     ]
     assert dominated == [False, False, True, True]
     from deltaopt.sweeps.findings import best_compromises
-    from deltaopt.sweeps.table import read
+    from deltaopt.sweeps.sweep import read
 
     best = best_compromises(read(file), ("duration", "limits.torque"))
     assert sorted(best["point"]) == [0, 1]

@@ -10,7 +10,7 @@ import pytest
 import deltaopt
 from deltaopt.errors import SceneError
 from deltaopt.scene.scene_file import content_with_files, made_of
-from deltaopt.sweeps.keys import changed
+from deltaopt.sensitivity.keys import changed
 from deltaopt.sweeps.sweep_file import load_sweep
 
 MOVED = (0.01, -0.02, 0.03)
@@ -92,7 +92,7 @@ WRONG = [
     ("grid: {robot.drive.torqe: [1, 2]}", "robot.drive.torqe is not a known key; expected torque"),
     ("grid: {robot.drive.speed times: [1, 2]}", "robot.drive.speed is not given in the file"),
     ("grid: {payload: [heavy, light]}", "payload is 'light'; expected a mass in kg"),
-    ("grid: {goal.3: [1]}", "goal.3 has the part 3; expected a place in a list of 3"),
+    ("grid: {goal.3: [1]}", "goal.3 has no part 3; expected a place in a list of 3"),
     ("grid: {payload: 1}", "grid.payload is 1.0; expected a list of values, or {from, to, steps}"),
     ("grid: {payload: {from: 1, to: 2, steps: 1}}", "grid.payload.steps is 1.0; expected a whole"),
     ("grid: {payload: {from: 2, to: 1, steps: 3}}", "grid.payload is .*the first the lesser"),
@@ -123,8 +123,8 @@ def test_samples_are_spread_evenly_and_always_the_same(tmp_path):
     ranges = "{payload: {from: 500 g, to: 1 kg}, robot.drive.torque: {from: 8, to: 12}}"
     for method in ("sobol", "latin_hypercube"):
         file.write_text(SCENE + f"samples: {{number: 16, method: {method}, ranges: {ranges}}}\n")
-        points = [[*head.values()][3:] for _, head in load_sweep(file)[1]]
-        assert points == [[*head.values()][3:] for _, head in load_sweep(file)[1]]
+        points = [[*task.changes.values()] for task in load_sweep(file)[1]]
+        assert points == [[*task.changes.values()] for task in load_sweep(file)[1]]
         sixteenths = (np.array(points) - [0.5, 8]) / [0.5, 4] * 16
         for column in sixteenths.T:
             assert sorted(column.astype(int)) == list(range(16))

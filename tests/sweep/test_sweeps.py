@@ -12,8 +12,7 @@ import pytest
 
 import deltaopt
 from deltaopt.sweeps.run import NoCluster, cluster
-from deltaopt.sweeps.sweep import fill
-from deltaopt.sweeps.table import OtherTable
+from deltaopt.sweeps.sweep import OtherTable, fill
 
 PICK = Path("problems/pick_and_place.yaml").resolve()
 GRID = {"robot.upper_arm.length times": [1.0, 1.02], "limits.torque": ["10 N*m", 9.0, 1e-3]}
@@ -108,15 +107,15 @@ KILLED = """
 import os, signal, sys
 from pathlib import Path
 import deltaopt
-from deltaopt.sweeps import row
-plan = row.Task.row
+from deltaopt.sweeps import run
+plan = run.row_of
 def ends_its_process(task):
     once, always = Path(sys.argv[1]), 4
     if task.index == always or task.index == 1 and not once.exists():
         once.touch()
         os.kill(os.getpid(), signal.SIGKILL)
     return plan(task)
-row.Task.row = ends_its_process
+run.row_of = ends_its_process
 deltaopt.sweep(sys.argv[2], sys.argv[3], workers=2)
 """
 
