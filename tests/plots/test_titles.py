@@ -12,7 +12,7 @@ from deltaopt.motion.active_limits import AT_LIMIT
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.facts import facts
 from deltaopt.plots import dynamics, inverse, limits, model_terms, plans
-from studies import parts
+from studies import parts, smoother
 from studies.frontier import Attempt, points
 from studies.models.measure import FAMILIES, ROUNDING, TASKS, Error
 from studies.plots import conventions, digits, frontier, gap, lower_bound, terms, tutorial
@@ -81,6 +81,15 @@ def test_lower_bound_tells_the_medians():
 def test_gaps_that_are_too_small_are_counted():
     rows = [SimpleNamespace(told=told, true=1e-4) for told in (2e-4, 5e-5, 1e-4)]
     assert gap.title(rows) == "1 of 3 plans tell too small a gap"
+
+
+def test_smoother_names_the_ways_with_the_longest_ramps():
+    found = [
+        smoother.Smoothed("limit", SimpleNamespace(), 20.0, 25.0),
+        smoother.Smoothed("cost", SimpleNamespace(), 5.0, 40.0),
+    ]
+    said = "Longest ramps at the least: limit; usually: cost"
+    assert smoother.title(found) == said
 
 
 def test_tutorial_tells_what_the_first_share_saves_and_what_tables_ask():
