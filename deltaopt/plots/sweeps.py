@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.plots.colours import BLACK, BLUE, COLOURS, LIGHT_GREY, OF_LIMITS, VERMILION
-from deltaopt.plots.style import LARGE, SMALL, figure, verbatim, without_box
+from deltaopt.plots.style import SMALL, figure, verbatim, without_box
 
 UNITS = {
     "duration": "duration (s)",
@@ -26,8 +25,8 @@ UNITS = {
 }
 _WIDTH, _HEIGHT, _PANEL = 3.2, 2.7, 2.0
 """Of a chart, and of a place seen from above, inches."""
-_LEVELS, _LETTERS = 7, 11
-"""Lines of equal value, and letters of a title for an inch."""
+_LEVELS, _LETTERS = 7, 13
+"""Lines of equal value, and letters of the label of a bar of colours, which may be an inch long."""
 _ALONE = 0.05
 """Half of the size of a cell where there is one place alone, in its unit."""
 _PALETTE = (*COLOURS, *OF_LIMITS)
@@ -43,8 +42,7 @@ def draw_sweep(
     """
     is_grid = len(keys) == 2 and not series and not table.duplicated([*keys]).any()
     lines = table.groupby([*series]) if series else [((), table)]
-    with figure(file, _WIDTH * max(1.6, len(keys)), 1.3 * _HEIGHT) as drawn:
-        _say(drawn, title)
+    with figure(file, _WIDTH * max(1.6, len(keys)), 1.3 * _HEIGHT, title) as drawn:
         if is_grid and table[keys[0]].nunique() * table[keys[1]].nunique() == len(table):
             axes = drawn.subplots()
             grid = table.pivot(index=keys[1], columns=keys[0], values=column)
@@ -69,8 +67,7 @@ def draw_pareto(file: Path, title: str, table: Any, pair: Sequence[str], best: A
     """Draw two columns against each other, and as a line the rows that are the ``best``
     compromises."""
     first, second = pair
-    with figure(file, 1.6 * _WIDTH, 1.3 * _HEIGHT) as drawn:
-        _say(drawn, title)
+    with figure(file, 1.6 * _WIDTH, 1.3 * _HEIGHT, title) as drawn:
         axes = drawn.subplots()
         axes.plot(table[first], table[second], ".", color=LIGHT_GREY, label="all plans")
         axes.step(best[first], best[second], ".-", where="post", color=VERMILION, label="best")
@@ -88,8 +85,7 @@ def draw_map(file: Path, title: str, table: Any, names: Sequence[str]) -> None:
     extent = table[["place.y", "place.z"]].agg(np.ptp)
     tall = min(max(extent["place.z"] / max(extent["place.y"], 1e-9), 0.5), 2.0)
     size = max(_PANEL * len(depths), 4.0) + 1.2, tall * _PANEL * len(names) + 1
-    with figure(file, *size) as drawn:
-        _say(drawn, title)
+    with figure(file, *size, title) as drawn:
         panels = drawn.subplots(len(names), len(depths), sharex=True, sharey=True, squeeze=False)
         for name, row in zip(names, panels, strict=True):
             for (depth, here), axes in zip(depths, row, strict=True):
@@ -100,7 +96,7 @@ def draw_map(file: Path, title: str, table: Any, names: Sequence[str]) -> None:
                     axes.set_title(f"{depth:.3g} m below the base")
                 if name == names[0] and depth == best["place.x"]:
                     axes.plot(best["place.y"], best["place.z"], "*", color=BLACK, markersize=11)
-            drawn.colorbar(shown, ax=list(row), label=_label(name), pad=0.01)
+            drawn.colorbar(shown, ax=list(row), label=fill(_label(name), _LETTERS), pad=0.01)
             row[0].set_ylabel("z (m)")
         for axes in panels[-1]:
             axes.set_xlabel("y (m)")
@@ -108,8 +104,7 @@ def draw_map(file: Path, title: str, table: Any, names: Sequence[str]) -> None:
 
 def draw_moves(file: Path, title: str, durations: Any, lengths: Array) -> None:
     """Draw how long random moves take, s: how many, and over their ``lengths``, (N,), m."""
-    with figure(file, 2 * _WIDTH, 1.1 * _HEIGHT) as drawn:
-        _say(drawn, title)
+    with figure(file, 2 * _WIDTH, 1.1 * _HEIGHT, title) as drawn:
         left, right = drawn.subplots(1, 2)
         left.hist(durations.dropna(), bins="auto", color=BLUE)
         left.set(xlabel="duration (s)", ylabel="moves")
@@ -133,12 +128,6 @@ def _edges(places: Array) -> Array:
     widths = np.diff(places) if len(places) > 1 else np.array([2 * _ALONE])
     begins = places - np.concatenate([widths[:1], widths])[: len(places)] / 2
     return np.append(begins, places[-1] + widths[-1] / 2)
-
-
-def _say(drawn: Figure, title: str) -> None:
-    """Write a title over a figure, in lines as long as it is wide."""
-    text = fill(title, int(_LETTERS * drawn.get_figwidth()))
-    drawn.suptitle(verbatim(text), fontsize=LARGE, x=0.01, ha="left")
 
 
 def _label(name: str) -> str:
