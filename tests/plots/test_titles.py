@@ -1,17 +1,21 @@
 """What charts say in their titles is what their numbers say: counted here by hand."""
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
+import pandas
 import pytest
 from matplotlib.figure import Figure
 
 import deltaopt
+from deltaopt.cli.map import _places_in_words
 from deltaopt.compare.model_terms import MODEL_TERMS, TermEffect
 from deltaopt.motion.active_limits import AT_LIMIT
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.facts import facts
 from deltaopt.plots import dynamics, inverse, limits, model_terms, plans
+from deltaopt.plots.sweeps import draw_map
 from studies import parts, smoother
 from studies.frontier import Attempt, points
 from studies.models.measure import FAMILIES, ROUNDING, TASKS, Error
@@ -179,6 +183,30 @@ def test_every_body_has_a_curve_with_its_name(drawn, tmp_path):
         for axes in page.axes:
             label = axes.yaxis.label.get_window_extent()
             assert label.height <= 1.1 * axes.get_window_extent().height
+
+
+@pytest.mark.parametrize(
+    ("across", "aside", "letters"), [(0.3, 0.02, 1), (0.3, 0.1, 3), (0.1, 0.4, 10), (0.2, 0.0, 12)]
+)
+def test_labels_of_a_map_do_not_collide_and_numbers_keep_their_units(
+    across, aside, letters, drawn, tmp_path
+):
+    """Of a flat region, a wide one, a tall one, and of places in a line; lines end at other places
+    after some ``letters`` more."""
+    sides = np.linspace(-across, across, 5), np.linspace(-aside, aside, 5 if aside else 1)
+    y, z = (each.ravel() for each in np.meshgrid(*sides))
+    far = np.hypot(y, z)
+    columns = {"duration": 0.1361 + 1e-3 * far, "rms_share": 0.5 + 1e-3 * far, "singularity": far}
+    table = pandas.DataFrame({"place.x": 0.7, "place.y": y, "place.z": z, **columns})
+    file = tmp_path / "map.png"
+    draw_map(file, f"{'x' * letters} {_places_in_words(table)}", table, [*columns])
+    title = drawn[-1].get_suptitle()
+    assert not re.search(r"\d\n[sm%](?!\w)|=\n", title), title
+    bars = [axes for axes in drawn[-1].axes if axes.get_label() == "<colorbar>"]
+    assert len(bars) == 3
+    for bar in bars:
+        label = bar.yaxis.label.get_window_extent()
+        assert label.height <= bar.get_window_extent().height
 
 
 def test_prescribed_motions_are_headed_by_their_size(drawn, tmp_path):
