@@ -18,6 +18,9 @@ from deltaopt.verify.duty import Duty
 from deltaopt.verify.measures import Distance
 from deltaopt.verify.verification import Verification
 
+_WHOLE = 0.1
+"""Share from which whole per cents are told."""
+
 
 def told(facts: Facts) -> Iterator[str]:
     """The few lines that say what a motion is worth: whether it is verified, its duration, how near
@@ -112,8 +115,8 @@ def _comparison(facts: Facts, found: Plan) -> Iterator[str]:
 
 
 def percent(share: float) -> str:
-    """A share in per cent, to two digits."""
-    return f"{100 * share:.2g} %"
+    """A share in per cent, to two digits, of large ones to whole numbers."""
+    return f"{100 * share:.0f} %" if abs(share) >= _WHOLE else f"{100 * share:.2g} %"
 
 
 def _optima(scene: Scene, optima: Sequence[Optimum]) -> Iterator[str]:

@@ -17,6 +17,7 @@ from deltaopt.scene.objective import Time
 from deltaopt.scene.path import Line
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
+from deltaopt.settings import require_type
 
 
 def timed_line(scene: Scene, tolerance: float = 1e-3) -> Plan:
@@ -32,6 +33,7 @@ def timed_line(scene: Scene, tolerance: float = 1e-3) -> Plan:
         >>> round(deltaopt.timed_line(scene).duration, 3)
         0.144
     """
+    require_type("scene", scene, Scene, "a Scene, such as load_scene returns")
     given_points(scene.task)
     on_line = {"path": Line(), "tube": None, "objective": Time()}
     return plan(without_rates(scene).model_copy(update=on_line), tolerance=tolerance)

@@ -27,6 +27,7 @@ from deltaopt.plots.style import SMALL, STROKES, figure, motor_curves, without_b
 from deltaopt.plots.surroundings import draw_bodies
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
+from deltaopt.settings import require_type
 from deltaopt.verify.duty import exceeding
 from deltaopt.verify.pontryagin import Extremal, extremal
 from deltaopt.verify.verification import Verification
@@ -117,8 +118,10 @@ def caption(verification: Verification) -> str:
 def plot_limit(scene: Scene, trajectory: Trajectory, limit: str, axes: Axes | None) -> Axes:
     """Draw a limited quantity over time and its bounds on one's own axes, or on new ones.
 
-    Raises ValueError if the scene has no limit of this name.
+    Raises ValueError if the scene has no limit of this name, TypeError for what is no axes.
     """
+    if axes is not None:
+        require_type("axes", axes, Axes, "an Axes of matplotlib; save() writes pictures")
     inside = np.linspace(0, 1, max(2, _SAMPLES // (len(trajectory.knots) - 1)))
     curves = list(limit_curves(problem_of(scene), trajectory, inside))
     named = zip(curves, _names(scene, curves), strict=True)

@@ -20,7 +20,7 @@ from deltaopt.files.tables import html_table
 from deltaopt.motion.active_limits import active_limits
 from deltaopt.output.cycle_files import told_of_cycle
 from deltaopt.output.facts import Facts, StraightLine, motor_facts, title, together
-from deltaopt.output.in_words import beyond
+from deltaopt.output.in_words import beyond, percent
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.first_motions.around_bodies import CLEAR
 from deltaopt.planning.plan import Plan, TakenWay
@@ -137,7 +137,7 @@ def _head(facts: Facts) -> str:
         "This motion was not optimised: it is the straight line, as fast as the limits permit by "
         "a quintic law."
         if gap is None
-        else f"Estimated to be at most {_percent(gap)} above the best for its objective, "
+        else f"Estimated to be at most {percent(gap)} above the best for its objective, "
         f"{scene.objective}, "
         + (
             f"among motions near it. {_other_ways(facts.found)}"
@@ -197,7 +197,7 @@ def _compared(durations: Mapping[str, float]) -> tuple[str, str]:
         f'<dd style="width: {100 * duration / longest:.1f}%">{duration:.4f} s</dd>'
         for name, duration in durations.items()
     )
-    said = f"{_percent(abs(own / other - 1))} {how} time than the {' '.join(best.split())}"
+    said = f"{percent(abs(own / other - 1))} {how} time than the {' '.join(best.split())}"
     return said, f'<dl class="bars">{bars}</dl>'
 
 
@@ -324,10 +324,6 @@ def _list(items: Iterable[str]) -> str:
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table that scrolls sideways where the window is narrow."""
     return f'<div class="wide">{html_table(head, rows)}</div>'
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %"
 
 
 def _json(data: object) -> str:
