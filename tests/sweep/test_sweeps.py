@@ -6,6 +6,7 @@ import csv
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -145,11 +146,15 @@ def test_a_cluster_plans_the_same(swept, expected, tmp_path):
         dashboard_address=":0",
         silence_logs="CRITICAL",
     ) as local:
-        fill(tmp_path / "rows.csv", swept.points_from(Path()), cluster(local.scheduler_address))
+        fill(
+            tmp_path / "rows.csv",
+            swept.points_from(Path()),
+            partial(cluster, local.scheduler_address),
+        )
     assert rows(tmp_path / "rows.csv") == expected
 
 
 def test_without_a_cluster_there_is_a_sentence(swept, tmp_path):
     pytest.importorskip("distributed")
     with pytest.raises(NoCluster, match="no Dask scheduler answers there"):
-        fill(tmp_path / "rows.csv", swept.points_from(Path()), cluster("nonsense://1"))
+        fill(tmp_path / "rows.csv", swept.points_from(Path()), partial(cluster, "nonsense://1"))
