@@ -138,5 +138,5 @@ def _table(
 
         if not content.startswith(header):
             rows.writeheader()
-        _, *lines = csv.reader(StringIO(whole.decode()))
-        yield {int(line[0]): line[1] for line in lines}, add
+        lines = csv.DictReader(StringIO(whole.decode()))
+        yield {int(line["point"]): line["inputs"] for line in lines}, add
