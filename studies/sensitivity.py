@@ -14,8 +14,8 @@ from functools import cache
 from math import isfinite, log
 
 import deltaopt
-from deltaopt.sensitivity.keys import changed
-from deltaopt.sensitivity.numbers import Content, Job, content_of, job_of
+from deltaopt.sensitivity.keys import Content, changed
+from deltaopt.sensitivity.numbers import Job, content_of, job_of
 from deltaopt.sensitivity.sensitivity import Sensitivity
 from studies.problems import PROBLEMS
 from studies.text_table import table

@@ -12,16 +12,14 @@ Exit code: 0 found; 1 no design keeps all limits; 2 bad input.
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from time import process_time
 
 from deltaopt.cli.arguments import add_json, add_output, optimality_gap, output_directory
-from deltaopt.cli.streams import present, print_json, print_written
-from deltaopt.designs.design import TOLERANCE, Candidate, Designed, design, names_of
-from deltaopt.designs.design_file import load_design
-from deltaopt.files.atomic_write import atomic_write
+from deltaopt.cli.streams import present, print_json, print_written, say
+from deltaopt.designs.design import TOLERANCE, Candidate, Designed, design
 from deltaopt.files.csv_table import csv_text
+from deltaopt.files.output_folder import write_texts
 from deltaopt.files.tables import text_table
 from deltaopt.files.yaml_file import write_yaml
 from deltaopt.sensitivity.numbers import content_of
@@ -31,33 +29,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", type=Path, metavar="DESIGN", help="a design file")
     add_output(parser)
     add_json(parser)
+    words = "optimise without those of plans"
+    parser.add_argument("--no-derivatives", action="store_true", help=words)
+    words = f"relative optimality gap of plans (default: {TOLERANCE:g})"
     parser.add_argument(
-        "--no-derivatives", action="store_true", help="optimise without those of plans"
-    )
-    parser.add_argument(
-        "--tolerance",
-        type=optimality_gap,
-        metavar="GAP",
-        default=TOLERANCE,
-        help=f"relative optimality gap of plans (default: {TOLERANCE:g})",
+        "--tolerance", type=optimality_gap, metavar="GAP", default=TOLERANCE, help=words
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    asked, directory = load_design(arguments.scene), output_directory(arguments)
-    begin = process_time()
+    directory, begin = output_directory(arguments), process_time()
     found = design(
-        asked,
+        arguments.scene,
         derivatives=not arguments.no_derivatives,
         tolerance=arguments.tolerance,
-        progress=lambda text: print(text, file=sys.stderr, flush=True),
+        progress=say,
     )
     spent, before = process_time() - begin, present(directory)
-    files = [directory / "designs.csv", directory / "robot.yaml"]
     rows = [_row(found, each) for each in sorted(found.candidates, key=lambda each: each.value)]
-    with atomic_write(files[0]) as temporary:
-        temporary.write_text(csv_text([*rows[0]], [[*row.values()] for row in rows]), "utf-8")
-    (job, *_) = asked.jobs(found.best.choice, found.best.values)
+    text = csv_text([*rows[0]], [[*row.values()] for row in rows])
+    files = [*write_texts(directory, {"designs.csv": text}), directory / "robot.yaml"]
+    (job, *_) = found.design.jobs(found.best.choice, found.best.values)
     write_yaml(files[1], content_of(job)["robot"], f"the best design of {arguments.scene.name}")
     if arguments.json:
         counted = {"evaluations": found.evaluations, "files": [str(file) for file in files]}
@@ -78,5 +70,5 @@ def _row(found: Designed, each: Candidate) -> dict[str, str | float]:
     asked = found.design.asked
     durations = [f"{Path(name).stem} [s]" for name in asked.scenes]
     names = ["design", "value", *durations, *(change.key for change in asked.change)]
-    values: list[str | float] = [names_of(each.choice), each.value, *each.durations, *each.values]
+    values: list[str | float] = [each.choice.name, each.value, *each.durations, *each.values]
     return dict(zip(names, values, strict=True))

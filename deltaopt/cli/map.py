@@ -41,8 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
         points = cell.moves(arguments.moves, **ranges, seed=arguments.seed)
     else:
         points = cell.places(**ranges)
-    name = f"{stem}_{'moves' if of_moves else 'map'}"
-    file, table = filled(arguments, name, points)
+    file, table = filled(arguments, f"{stem}_{'moves' if of_moves else 'map'}", points)
     print("\n".join(told(table, points.keys, "duration", worst=of_moves)))
     if table["duration"].isna().all():
         return 1
@@ -67,10 +66,8 @@ def _range(axis: str, given: list[float] | None, is_region: bool) -> tuple[float
     """Raises WrongUsage for what is no range."""
     if given is None:
         return ()
-    fewest, most = (2, 2) if is_region else (1, 3)
-    rises = len(given) < 2 or given[0] < given[1]
-    counts = len(given) < 3 or given[2] in range(2, 1000)
-    if not (fewest <= len(given) <= most and rises and counts):
+    known, rises = (2,) if is_region else (1, 2, 3), sorted(set(given[:2])) == given[:2]
+    if not (len(given) in known and rises and all(n in range(2, 1000) for n in given[2:])):
         expected = "FROM TO" if is_region else "a number, FROM TO, or FROM TO STEPS"
         raise WrongUsage(f"--{axis} is {' '.join(map(str, given))}; it must be {expected}, in m")
     return tuple(given)

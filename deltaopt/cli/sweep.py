@@ -12,10 +12,11 @@ it was when it is started again. A point without a plan is a row that says why.
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from deltaopt.cli.arguments import folder, one_or_more
+from deltaopt.cli.arguments import add_output, one_or_more
 from deltaopt.errors import installed
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.sweeps.findings import best_compromises, message, told, varied
@@ -32,24 +33,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_how(parser: argparse.ArgumentParser) -> None:
     """Declare where rows go and what plans them."""
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=folder,
-        metavar="FILE",
-        help="table to add rows to, .csv or .parquet (default: out/ and the name of the file)",
-    )
-    parser.add_argument(
-        "--workers",
-        type=one_or_more,
-        metavar="N",
-        help="processes on this machine (default: one for each processor)",
-    )
-    parser.add_argument(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="of a Dask cluster, such as tcp://host:8786, whose workers plan instead",
-    )
+    words = "table to add rows to, .csv or .parquet (default: out/ and the name of the file)"
+    add_output(parser, kind="FILE", words=words)
+    words = "processes on this machine (default: one for each processor)"
+    parser.add_argument("--workers", type=one_or_more, metavar="N", help=words)
+    words = "of a Dask cluster, such as tcp://host:8786, whose workers plan instead"
+    parser.add_argument("--scheduler", metavar="ADDRESS", help=words)
     parser.add_argument("--no-plot", action="store_true", help="draw no picture")
 
 
@@ -57,7 +46,8 @@ def filled(arguments: argparse.Namespace, name: str, points: Points) -> tuple[Pa
     """The table of all points, planned now where they are not there: its file and its rows."""
     installed("pandas", "sweep")  # before any work
     file = arguments.output or Path("out") / f"{name}.csv"
-    start = cluster(arguments.scheduler) if arguments.scheduler else processes(arguments.workers)
+    there = partial(cluster, arguments.scheduler)
+    start = there if arguments.scheduler else partial(processes, arguments.workers)
     fill(file, points, start, ProgressBar())
     return file, read(file)
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.designs.design_file import Design, Row, load_design
+from deltaopt.designs.design_file import Choice, Design, load_design
 from deltaopt.errors import NO_PLAN, Infeasible, SceneError, if_possible, installed
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.planning.cycles.cycle_planning import plan_cycle
@@ -39,7 +39,7 @@ class Candidate:
     """A design: the rows that were chosen, the ``values`` of what may be changed, in SI units, the
     durations of the scenes, s, and what all of it costs."""
 
-    choice: tuple[Row, ...]
+    choice: Choice
     values: tuple[float, ...]
     durations: tuple[float, ...]
     value: float
@@ -58,7 +58,7 @@ class Designed:
 
 
 def design(
-    asked: Design | str | Path,
+    asked: str | Path,
     *,
     derivatives: bool = True,
     tolerance: float = TOLERANCE,
@@ -75,7 +75,7 @@ def design(
         >>> [round(ratio, 1) for ratio in best.values]  # in closed form 26.726
         [26.7]
     """
-    given = asked if isinstance(asked, Design) else load_design(asked)
+    given = load_design(asked)
     tell, found = progress or (lambda _: None), list[Candidate]()
     evaluations = passed_over = 0
     bounds = ((_bound(given, each), each) for each in given.choices())
@@ -86,7 +86,7 @@ def design(
         search = _Search(given, choice, tolerance, derivatives)
         best = search.best()
         evaluations += len(search.known)
-        tell(f"{names_of(choice)}: {'no plan' if best is None else f'{best.value:.6g}'}")
+        tell(f"{choice.name}: {'no plan' if best is None else f'{best.value:.6g}'}")
         found += [] if best is None else [best]
     if not found:
         raise Infeasible("no design keeps all limits")
@@ -94,19 +94,13 @@ def design(
     return Designed(given, least, tuple(found), evaluations, passed_over)
 
 
-def names_of(choice: tuple[Row, ...]) -> str:
-    """A choice of rows in words."""
-    return ", ".join(row.name for row in choice) or "design"
-
-
-def _bound(given: Design, choice: tuple[Row, ...]) -> float:
+def _bound(given: Design, choice: Choice) -> float:
     """What no design with these rows undercuts: its price, and where nothing else is changed the
     proven lower bound on its durations."""
     changes = given.asked.change
-    price = sum(row.price for row in choice)
-    price += sum(min(each.price * each.least, each.price * each.most) for each in changes)
+    cheapest = [each.least if each.price > 0 else each.most for each in changes]
     jobs = None if changes else if_possible((SceneError,), given.jobs, choice, [])
-    return price + given.worth([_shortest(job) for job in jobs or ()])
+    return given.worth(choice, cheapest, [_shortest(job) for job in jobs or ()] or [0.0])
 
 
 def _shortest(job: Any) -> float:
@@ -122,7 +116,7 @@ class _Search:
     may be changed, (k,), what was planned: the design and its plans, none where one has none."""
 
     given: Design
-    choice: tuple[Row, ...]
+    choice: Choice
     tolerance: float
     derivatives: bool
     known: dict[bytes, tuple[Candidate, list[Any]]] = field(default_factory=dict)
@@ -174,12 +168,10 @@ class _Search:
             pairs = zip(changes, shares.tolist(), strict=True)
             values = tuple(each.least + x * (each.most - each.least) for each, x in pairs)
             plans = if_possible((*NO_PLAN, SceneError), self._plans, values) or []
-            never = (_NEVER,) * len(self.given.contents)
-            durations = tuple(each.trajectory.duration for each in plans) or never
-            price = sum(row.price for row in self.choice)
-            price += sum(each.price * x for each, x in zip(changes, values, strict=True))
-            found = Candidate(self.choice, values, durations, price + self.given.worth(durations))
-            self.known[at] = found, plans
+            seconds = [each.trajectory.duration for each in plans]
+            durations = tuple(seconds) or (_NEVER,) * len(self.given.contents)
+            value = self.given.worth(self.choice, values, durations)
+            self.known[at] = Candidate(self.choice, values, durations, value), plans
         return self.known[at]
 
     def _plans(self, values: tuple[float, ...]) -> list[Any]:
@@ -192,8 +184,7 @@ class _Search:
         changes = self.given.asked.change
         slopes = np.zeros((len(self.given.contents), len(changes)))
         for row, each in zip(slopes, self._at(shares)[1], strict=False):  # none without plans
-            by_key = {
-                one.number.key: one.slope for one in each.sensitivity([c.key for c in changes])
-            }
-            row[:] = [by_key.get(c.key, 0.0) * (c.most - c.least) for c in changes]
+            found = each.sensitivity([change.key for change in changes])
+            by_key = {one.number.key: one.slope for one in found}
+            row[:] = [by_key.get(each.key, 0.0) * (each.most - each.least) for each in changes]
         return slopes

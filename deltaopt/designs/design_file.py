@@ -16,10 +16,13 @@ from deltaopt.files.units import DURATION
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Text
 from deltaopt.files.yaml_file import place_of, read_yaml
 from deltaopt.scene.scene_file import load_job
-from deltaopt.sensitivity.keys import changed
-from deltaopt.sensitivity.numbers import Content, content_of, job_of
+from deltaopt.sensitivity.keys import Content, changed
+from deltaopt.sensitivity.numbers import content_of, job_of
 
 _KEY = "a key of a scene or of its robot, such as robot.drive.gear.ratio"
+_MAPPINGS = "a list of mappings with the keys"
+_CATALOGUES = f"{_MAPPINGS} file, name, price, number, columns"
+_LONGEST = "a duration in s, greater than 0"
 
 
 class Change(Record):
@@ -60,24 +63,17 @@ class DesignFile(Record):
     """
 
     scenes: tuple[Text, ...] = Field(min_length=1, description="a list of scene files")
-    change: tuple[Change, ...] = Field(
-        default=(), description="a list of mappings with the keys key, least, most, price"
-    )
-    catalogues: tuple[Catalogue, ...] = Field(
-        default=(),
-        description="a list of mappings with the keys file, name, price, number, columns",
-    )
+    change: tuple[Change, ...] = Field((), description=f"{_MAPPINGS} key, least, most, price")
+    catalogues: tuple[Catalogue, ...] = Field((), description=_CATALOGUES)
     over: Literal["sum", "worst"] = Field(default="sum", description="sum or worst")
     per_second: NonNegative = Field(default=1.0, description="a price, at least 0")
-    longest: Annotated[Positive, DURATION] | None = Field(
-        default=None, description="a duration in s, greater than 0"
-    )
+    longest: Annotated[Positive, DURATION] | None = Field(None, description=_LONGEST)
 
 
 @dataclass(frozen=True)
-class Row:
-    """A row of a catalogue: its ``name``, ``price``, and the ``values`` of keys as a file would
-    have them, "3.82 N*m"."""
+class Choice:
+    """A row of a catalogue, or one of each: its ``name``, ``price``, and the ``values`` of keys as
+    a file would have them, "3.82 N*m"."""
 
     name: str
     price: float
@@ -90,25 +86,28 @@ class Design:
 
     asked: DesignFile
     contents: tuple[Content, ...]
-    catalogues: tuple[tuple[Row, ...], ...]
+    catalogues: tuple[tuple[Choice, ...], ...]
 
-    def choices(self) -> Iterator[tuple[Row, ...]]:
+    def choices(self) -> Iterator[Choice]:
         """Rows of all catalogues, one of each."""
-        return product(*self.catalogues)
+        for rows in product(*self.catalogues):
+            name = ", ".join(row.name for row in rows) or "design"
+            values = {key: value for row in rows for key, value in row.values.items()}
+            yield Choice(name, sum(row.price for row in rows), values)
 
-    def jobs(self, choice: tuple[Row, ...], values: Sequence[float]) -> list[Any]:
+    def jobs(self, choice: Choice, values: Sequence[float]) -> list[Any]:
         """The scenes and cycles with the rows that were chosen and other values of what may be
         changed. Raises SceneError for those that cannot be used."""
-        given = dict[str, Any]()
-        for row in choice:
-            given |= row.values
-        given |= {each.key: x for each, x in zip(self.asked.change, values, strict=True)}
+        keys = (each.key for each in self.asked.change)
+        given = {**choice.values, **dict(zip(keys, values, strict=True))}
         return [job_of(changed(content, given)) for content in self.contents]
 
-    def worth(self, durations: Sequence[float]) -> float:
-        """What durations of the scenes, s, cost."""
-        longest = max(durations, default=0.0)
-        return self.asked.per_second * (sum(durations) if self.asked.over == "sum" else longest)
+    def worth(self, choice: Choice, values: Sequence[float], durations: Sequence[float]) -> float:
+        """What a design costs: its rows, what was changed, and the durations of its scenes, s."""
+        asked = self.asked
+        prices = (each.price * x for each, x in zip(asked.change, values, strict=True))
+        seconds = sum(durations) if asked.over == "sum" else max(durations)
+        return choice.price + sum(prices) + asked.per_second * seconds
 
 
 def load_design(path: str | Path) -> Design:
@@ -125,40 +124,35 @@ def load_design(path: str | Path) -> Design:
         try:
             found.jobs(choice, [getattr(each, side) for each in asked.change])
         except SceneError as error:
-            names = "".join(f" of {row.name}" for row in choice)
-            expected = f"{error.expected}, at the bounds of change{names}"
+            expected = f"{error.expected}, at the bounds of change of {choice.name}"
             raise SceneError(file, error.key, error.value, expected, error.problem) from None
     return found
 
 
-def _rows(file: Path, index: int, asked: Catalogue) -> tuple[Row, ...]:
-    """The rows of a catalogue. Raises SceneError."""
-    heads = [asked.name, *asked.columns.values(), *([asked.price] if asked.price else [])]
+def _rows(file: Path, index: int, asked: Catalogue) -> tuple[Choice, ...]:
+    """The rows of a catalogue; a cell without a number says nothing of its key. Raises
+    SceneError."""
+    columns = {key: (head.lower(), _unit(head)) for key, head in asked.columns.items()}
+    name, price = asked.name.lower(), [asked.price.lower()] if asked.price else []
     try:
         table = read_csv(file.parent / asked.file)
-        missing = [head for head in heads if head.lower() not in table.names]
-        if missing:
-            raise WrongCsv(f"has no column {missing[0]}")
-        prices = (
-            table.columns([asked.price.lower()])[:, 0] if asked.price else [0] * len(table.rows)
-        )
+        for head in (asked.name, *asked.columns.values(), *([asked.price] if asked.price else [])):
+            if head.lower() not in table.names:
+                raise WrongCsv(f"has no column {head}")
+        prices = asked.number * table.columns(price).sum(axis=1)
     except WrongCsv as error:
         key = f"catalogues[{index}].file"
         place, expected = place_of(file, key), "a CSV file with the columns that are named"
         raise SceneError(file, key, asked.file, expected, str(error), place) from None
-    cells = [dict(zip(table.names, row, strict=True)) for row in table.rows]
-    return tuple(
-        Row(row[asked.name.lower()], asked.number * float(price), _values(row, asked.columns))
-        for row, price in zip(cells, prices, strict=True)
-    )
+    found = list[Choice]()
+    for cells, cost in zip(table.rows, prices.tolist(), strict=True):
+        row = dict(zip(table.names, cells, strict=True))
+        values = {key: f"{row[head]} {unit}".strip() for key, (head, unit) in columns.items()}
+        known = {key: value for key, value in values.items() if value[:1].isdigit()}
+        found.append(Choice(row[name], cost, known))
+    return tuple(found)
 
 
-def _values(row: Mapping[str, str], columns: Mapping[str, str]) -> dict[str, str]:
-    """The value of each key in a row of a table that is a number, with the unit that stands in
-    brackets in the head of its column."""
-    entries = {key: (row[head.lower()], head) for key, head in columns.items()}
-    return {
-        key: f"{entry} {head.partition('[')[2].rstrip('] ')}".strip()
-        for key, (entry, head) in entries.items()
-        if entry[:1].isdigit()
-    }
+def _unit(head: str) -> str:
+    """What stands in brackets in the head of a column."""
+    return head.partition("[")[2].rstrip("] ")

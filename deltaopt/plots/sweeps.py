@@ -12,16 +12,8 @@ from matplotlib.axes import Axes
 from deltaopt.curves.piecewise import Array
 from deltaopt.plots.colours import BLACK, BLUE, COLOURS, LIGHT_GREY, OF_LIMITS, VERMILION
 from deltaopt.plots.style import SMALL, figure, verbatim, without_box
+from deltaopt.sweeps.points import FACTS
 
-UNITS = {
-    "duration": "duration (s)",
-    "parts_per_minute": "parts per minute",
-    "rms_share": "RMS torque over rated",
-    "torque_share": "largest torque over its limit",
-    "singularity": "distance to singularities",
-    "gap": "estimated gap",
-    "seconds": "time of a processor (s)",
-}
 _WIDTH, _HEIGHT, _PANEL = 3.2, 2.7, 2.0
 """Of a chart, and of a place seen from above, inches."""
 _LEVELS, _LETTERS = 7, 13
@@ -56,9 +48,7 @@ def draw_sweep(
             for colour, (name, own) in zip(_PALETTE, lines, strict=False):
                 line = "o-" if len(keys) == 1 else "."
                 label = verbatim(", ".join(map(str, name))) or None
-                axes.plot(own[key], own[column], line, color=colour, markersize=4, label=label)
-            axes.set(xlabel=_label(key), ylabel=_label(column))
-            without_box(axes)
+                _plot(axes, own, key, column, line, color=colour, markersize=4, label=label)
         if series:
             axes.legend(fontsize=SMALL)
 
@@ -69,11 +59,9 @@ def draw_pareto(file: Path, title: str, table: Any, pair: Sequence[str], best: A
     first, second = pair
     with figure(file, 1.6 * _WIDTH, 1.3 * _HEIGHT, title) as drawn:
         axes = drawn.subplots()
-        axes.plot(table[first], table[second], ".", color=LIGHT_GREY, label="all plans")
+        _plot(axes, table, first, second, ".", color=LIGHT_GREY, label="all plans")
         axes.step(best[first], best[second], ".-", where="post", color=VERMILION, label="best")
-        axes.set(xlabel=_label(first), ylabel=_label(second))
         axes.legend()
-        without_box(axes)
 
 
 def draw_map(file: Path, title: str, table: Any, names: Sequence[str]) -> None:
@@ -114,6 +102,13 @@ def draw_moves(file: Path, title: str, durations: Any, lengths: Array) -> None:
             without_box(axes)
 
 
+def _plot(axes: Axes, table: Any, x: str, y: str, line: str, **how: Any) -> None:
+    """Draw a column over another one."""
+    axes.plot(table[x], table[y], line, **how)
+    axes.set(xlabel=_label(x), ylabel=_label(y))
+    without_box(axes)
+
+
 def _pixels(axes: Axes, grid: Any, all_values: Any) -> Any:
     """Draw values over a grid in colours, the least of all bright."""
     axes.grid(False)
@@ -131,4 +126,4 @@ def _edges(places: Array) -> Array:
 
 
 def _label(name: str) -> str:
-    return UNITS.get(name, verbatim(name if name.endswith(" times") else f"{name} (SI units)"))
+    return FACTS.get(name, verbatim(name if name.endswith(" times") else f"{name} (SI units)"))

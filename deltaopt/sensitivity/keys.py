@@ -13,7 +13,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping
-from difflib import get_close_matches
 from itertools import chain
 from typing import Any
 
@@ -69,10 +68,8 @@ def _change(content: Content, key: str, how: Callable[[Any, Any], Any], by: Any)
     try:
         node[place] = how(whatever_in_si(old), by)
     except TypeError:
-        given = "is not given" if old is None else "is no number"
-        near = get_close_matches(last, node, n=1) if isinstance(node, dict) else []
-        expected = "a number to change" + (f", such as {near[0]}" if near else "")
-        raise SceneError(None, key, old, expected, f"{given} in the file") from None
+        problem = "is not given in the file" if old is None else "is no number in the file"
+        raise SceneError(None, key, old, "a number to change", problem) from None
     return content
 
 
@@ -103,12 +100,10 @@ def _moved(content: Content, key: str, how: Callable[[Any, Any], Any], to: Any) 
     by[PLACE.index(key)] = how(old, to) - old
 
     def moved(key: str, value: Any) -> Any:
-        if key in _LISTS_OF_POINTS and isinstance(value, list):
-            return [moved("at", each) for each in value]
         if key in _POINTS and isinstance(value, list):
             return np.add(whatever_in_si(value), by).tolist()
         if isinstance(value, list):
-            return [moved("", each) for each in value]
+            return [moved("at" if key in _LISTS_OF_POINTS else "", each) for each in value]
         return {k: moved(k, v) for k, v in value.items()} if isinstance(value, dict) else value
 
     for leg in [content, *content.get("cycle", ())]:

@@ -13,10 +13,9 @@ from deltaopt.robot.robot import Robot
 from deltaopt.scene.cycle import Cycle
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import made_of
-from deltaopt.sensitivity.keys import parts_of
+from deltaopt.sensitivity.keys import Content, parts_of
 
 Job = Scene | Cycle
-Content = Mapping[str, Any]
 _FIELDS = {"dwell": "dwells"}
 """Keys of files that are called otherwise in records."""
 
@@ -48,17 +47,15 @@ def content_of(job: Job) -> dict[str, Any]:
     if isinstance(job, Scene):
         return job.model_dump(exclude_none=True)
     legs = [leg.model_dump(exclude_none=True) for leg in job.legs]
-    for leg in legs:
-        del leg["start"]
     if any(leg["robot"] != legs[0]["robot"] for leg in legs):  # by their tools
         for leg in legs:
             leg |= {key: leg["robot"].pop(key) for key in ("tool",) if key in leg["robot"]}
     shared = {
         key: value
         for key, value in legs[0].items()
-        if key != "goal" and all(leg.get(key) == value for leg in legs)
+        if key not in ("start", "goal") and all(leg.get(key) == value for leg in legs)
     }
-    own = [{key: leg[key] for key in leg if key not in shared} for leg in legs]
+    own = [{key: leg[key] for key in leg if key not in (*shared, "start")} for leg in legs]
     cycle = [{**leg, "dwell": dwell} for leg, dwell in zip(own, job.dwells, strict=True)]
     if job.rms_torque is not None:
         shared["limits"] = {**shared.get("limits", {}), "rms_torque": job.rms_torque}
@@ -71,20 +68,16 @@ def job_of(content: Content) -> Any:
     return made_of(content if legs is None else {**content, "start": legs[-1]["goal"]}, Path())
 
 
-def numbers_in(content: Content) -> Iterator[Number]:
-    """All numbers of a content."""
-    return (Number(key, value, _unit(key)) for key, value in _leaves(content, ""))
-
-
-def _leaves(content: Any, key: str) -> Iterator[tuple[str, float]]:
+def numbers_in(content: Any, key: str = "") -> Iterator[Number]:
+    """All numbers of a content, or of what it has under a key."""
     if isinstance(content, Mapping):
         for name, value in content.items():
-            yield from _leaves(value, f"{key}.{name}".removeprefix("."))
+            yield from numbers_in(value, f"{key}.{name}".removeprefix("."))
     elif isinstance(content, Sequence) and not isinstance(content, str):
         for index, value in enumerate(content):
-            yield from _leaves(value, f"{key}[{index}]")
+            yield from numbers_in(value, f"{key}[{index}]")
     elif isinstance(content, int | float) and not isinstance(content, bool):
-        yield key, float(content)
+        yield Number(key, float(content), _unit(key))
 
 
 def _unit(key: str) -> str:

@@ -43,9 +43,8 @@ class PricedCycle:
         pairs = zip(self.legs, cycle.legs, self.found.legs, cycle.least_dwells, strict=True)
         for leg, scene, plan, dwell in pairs:
             priced = scene.model_copy(update={"objective": plan.scene.objective})
-            held = _holding(priced) ** 2
             total += time * (leg.cost * leg.of_job(priced) + dwell)
-            total += dwell * float(self.of_motors @ (held / before))
+            total += dwell * float(self.of_motors @ (_holding(priced) ** 2 / before))
         allowed = self.found.squares @ (self.of_motors / _squared_limits(cycle))
         return float(total + allowed) / self.found.period
 

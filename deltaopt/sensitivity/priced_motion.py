@@ -214,17 +214,16 @@ def _priced(plan: Plan, mesh: Array) -> PricedMotion:
     scene, motion = plan.scene, plan.trajectory
     attempt = on_its_mesh(scene, motion)
     problem, optimiser = attempt.problem, TrajectoryOptimiser()
-    p = problem.model.parameters
     scaling = attempt.scaling(motion, motion.duration)
     if plan.resolved:
         scaling = _with_switches(scaling, motion)
     mesh = split(mesh, problem.together)
     scaling = first_tightening(scaling, motion, mesh)
     program = optimiser.program(scaling, cost_to_minimise(scene.objective, scaling)).on(mesh)
-    found, solved = None, 1.0
+    found, solved, parameters = None, 1.0, problem.model.parameters
     for accuracy in (_ACCURACIES[-1], *_ACCURACIES):
         guess = Guess(motion, near=True, tolerance=accuracy, on_its_mesh=True)
-        other = if_possible((NotConverged,), program.solve, guess, scaling, p)
+        other = if_possible((NotConverged,), program.solve, guess, scaling, parameters)
         if other is not None:
             found, solved = other, accuracy
             motion = Trajectory(other.position, problem.model)
@@ -243,6 +242,6 @@ def _with_switches(scaling: Scaling, motion: Trajectory) -> Scaling:
     if not len(instants):
         return scaling
     numbers = np.tile(scaling.limits.numbers, (len(instants) + 1, 1))
-    none = np.zeros(int(scaling.constraints.convex.sum()), bool)
-    gates = (_ANYWHERE,) * len(instants)
-    return replace(scaling, faces=FacePhases(instants, gates, numbers, none))
+    faces = np.zeros(int(scaling.constraints.convex.sum()), bool)  # of no body
+    phases = FacePhases(instants, (_ANYWHERE,) * len(instants), numbers, faces)
+    return replace(scaling, faces=phases)

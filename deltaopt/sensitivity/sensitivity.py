@@ -1,6 +1,6 @@
 """How the duration of a plan, or the period of a cycle, depends on each number of its files.
 
-By differences of ``PricedMotion.about``, ln of the least cost but for a constant and what is of
+By differences of ``PricedMotion.of_job``, ln of the least cost but for a constant and what is of
 second order. What meshes have missed shows where they differ.
 """
 
@@ -16,11 +16,12 @@ from deltaopt.errors import SceneError, if_possible
 from deltaopt.files.tables import finite
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.plan import Plan
-from deltaopt.sensitivity.keys import changed
-from deltaopt.sensitivity.numbers import Content, Number, content_of, job_of, numbers_in
+from deltaopt.sensitivity.keys import Content, changed
+from deltaopt.sensitivity.numbers import Number, content_of, job_of, numbers_in
 from deltaopt.sensitivity.priced_cycle import PricedCycle, priced_cycles
 from deltaopt.sensitivity.priced_motion import PricedMotion, priced_motions
 
+Found = Plan | CyclePlan
 Meshes = Sequence[PricedMotion] | Sequence[PricedCycle]
 
 _STEP, _OF_ZERO = 1e-5, 1e-7
@@ -84,11 +85,8 @@ class Sensitivity:
     def __str__(self) -> str:
         """Such as "robot.drive.gear.ratio: 34 instead of 33: 0.4 % longer"."""
         number = self.number
-        told = [
-            f"{number.value + by:.6g} instead of {number.value:.6g} {number.unit}".rstrip()
-            + f": {_in_words(share)}"
-            for by, share in self._steps
-        ]
+        now, steps = f"{number.value:.6g} {number.unit}".rstrip(), self._steps
+        told = [f"{number.value + by:.6g} instead of {now}: {_in_words(x)}" for by, x in steps]
         error = self.error * number.step / self.duration
         told += [f"known to {100 * error:.1g} %"] if error > _DOUBTFUL * self.told else []
         told += [] if isfinite(self.above + self.below) else ["the other way it cannot be"]
@@ -107,9 +105,7 @@ def _in_words(share: float) -> str:
     return f"{100 * abs(share):.2g} % {'longer' if share > 0 else 'shorter'}"
 
 
-def sensitivity(
-    found: Plan | CyclePlan, keys: Collection[str] | None = None
-) -> tuple[Sensitivity, ...]:
+def sensitivity(found: Found, keys: Collection[str] | None = None) -> tuple[Sensitivity, ...]:
     """How the duration of a plan, or a cycle's period, depends on each number of its scene and its
     robot, or on those with some ``keys`` alone; those first of which a step changes it most.
 
@@ -129,21 +125,17 @@ def _of_number(
 ) -> Sensitivity | None:
     """The sensitivity to one number; None where it is in no equation."""
     step = _STEP * abs(number.value) or _OF_ZERO
-    contents = (changed(content, {number.key: number.value + by}) for by in (-step, 0.0, step))
-    jobs = [if_possible((SceneError,), job_of, each) for each in contents]
-    of_meshes = np.array(
-        [[nan if job is None else mesh.of_job(job) for job in jobs] for mesh in meshes]
-    )
-    sides = duration / step * np.diff(of_meshes)
+    values = [number.value + by for by in (-step, 0.0, step)]
+    jobs = [if_possible((SceneError,), job_of, changed(content, {number.key: x})) for x in values]
+    each = [[nan if job is None else mesh.of_job(job) for job in jobs] for mesh in meshes]
+    sides = duration / step * np.diff(each)
     known = np.isfinite(sides).all(axis=0)
     if not known.any():
         return None
     below, above = sides.mean(axis=0).tolist()
-    slopes = sides[:, known]
-    sure = _ROUNDING + max(mesh.accuracy for mesh in meshes)
-    error = _SURE * float(np.ptp(slopes, axis=0).max()) + sure * duration / (
-        abs(number.value) or 1.0
-    )
+    slopes, size = sides[:, known], abs(number.value) or 1.0
+    sure = (_ROUNDING + max(mesh.accuracy for mesh in meshes)) * duration / size
+    error = _SURE * float(np.ptp(slopes, axis=0).max()) + sure
     return Sensitivity(number, duration, float(slopes.mean()), error, below, above)
 
 

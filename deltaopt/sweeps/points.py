@@ -11,24 +11,24 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-FACTS = (
-    "duration",
-    "parts_per_minute",
-    "rms_share",
-    "torque_share",
-    "singularity",
-    "limited_by",
-    "verified",
-    "gap",
-    "seconds",
-    "error",
-)
-"""Columns of every table. ``duration``: of a motion, or the period of a cycle, s.
-``parts_per_minute``: of a single motion as if it went there and back. ``rms_share``: the RMS torque
-of the motor that is warmest if this goes on without a pause, over what it is rated for.
-``torque_share``: the largest torque over its limit. ``singularity``: the least distance from any, 1
-at best. ``limited_by``: the limit that the motion is at for most of the time. ``verified``: yes or
-no. ``gap``: how much longer than the optimum it is, estimated. ``seconds``: of a processor.
+FACTS = {
+    "duration": "duration (s)",
+    "parts_per_minute": "parts per minute",
+    "rms_share": "RMS torque over rated",
+    "torque_share": "largest torque over its limit",
+    "singularity": "distance to singularities",
+    "limited_by": "limited by",
+    "verified": "verified",
+    "gap": "estimated gap",
+    "seconds": "time of a processor (s)",
+    "error": "error",
+}
+"""Columns of every table, and what pictures call them. ``duration``: of a motion, or the period of
+a cycle, s. ``parts_per_minute``: of a single motion as if it went there and back. ``rms_share``:
+the RMS torque of the motor that is warmest if this goes on without a pause, over what it is rated
+for. ``torque_share``: the largest torque over its limit. ``singularity``: the least distance from
+any, 1 at best. ``limited_by``: the limit that the motion is at for most of the time. ``verified``:
+yes or no. ``gap``: how much longer than the optimum it is, estimated. ``seconds``: of a processor.
 ``error``: what verification finds wrong, or why there is no plan."""
 
 Changes = Mapping[str, Any]

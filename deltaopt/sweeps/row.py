@@ -34,10 +34,8 @@ def row_of(task: Task) -> Row:
     begin = thread_time()
     try:
         job = made_of(changed(task.base.content, task.changes), task.base.file)
-        if isinstance(job, Cycle):
-            told = _of_cycle(job, task.tolerance)
-        else:
-            told = _of_motion(job, task.tolerance)
+        tolerance = task.tolerance
+        told = _of_cycle(job, tolerance) if isinstance(job, Cycle) else _of_motion(job, tolerance)
     except DeltaOptError as error:
         told = {"error": str(error)}
     return {**task.head, **told, "seconds": thread_time() - begin}

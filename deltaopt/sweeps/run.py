@@ -7,7 +7,7 @@ import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent import futures
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from multiprocessing import parent_process
 from multiprocessing.connection import wait as wait_for
@@ -39,46 +39,39 @@ Start = Callable[[], AbstractContextManager[Workers]]
 """Starts workers, again where they are broken, and ends them."""
 
 
-def processes(number: int | None = None) -> Start:
+@contextmanager
+def processes(number: int | None = None) -> Iterator[Workers]:
     """So many processes on this machine; one for each of its processors by default."""
-
-    @contextmanager
-    def start() -> Iterator[Workers]:
-        many = number or (os.cpu_count() or 1)
-        pool = futures.ProcessPoolExecutor(many, initializer=_begin)
-        try:
-            yield Workers(pool, many, (futures.BrokenExecutor,))
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-    return start
+    many = number or (os.cpu_count() or 1)
+    pool = futures.ProcessPoolExecutor(many, initializer=_begin)
+    try:
+        yield Workers(pool, many, (futures.BrokenExecutor,))
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
-def on(executor: futures.Executor, number: int) -> Start:
-    """An executor that is there already, with so many points at once."""
-    return lambda: nullcontext(Workers(executor, number))
-
-
-def cluster(address: str) -> Start:
+@contextmanager
+def cluster(address: str) -> Iterator[Workers]:
     """The workers of a Dask cluster, by the address of its scheduler, such as "tcp://host:8786".
 
-    Raises MissingPackage without the package ``distributed``; NoCluster when it is started.
+    Raises MissingPackage without the package ``distributed``, and NoCluster.
     """
     distributed = installed("distributed", "cluster")
+    try:
+        client = distributed.Client(address)
+    except (OSError, ValueError) as error:
+        raise NoCluster(f"{address}: no Dask scheduler answers there: {error}") from None
+    with client:
+        threads = sum(client.nthreads().values())
+        if not threads:
+            raise NoCluster(f"{address} has no workers; dask worker {address} starts some")
+        yield Workers(client.get_executor(), threads, (distributed.KilledWorker,))
 
-    @contextmanager
-    def start() -> Iterator[Workers]:
-        try:
-            client = distributed.Client(address)
-        except (OSError, ValueError) as error:
-            raise NoCluster(f"{address}: no Dask scheduler answers there: {error}") from None
-        with client:
-            threads = sum(client.nthreads().values())
-            if not threads:
-                raise NoCluster(f"{address} has no workers; dask worker {address} starts some")
-            yield Workers(client.get_executor(), threads, (distributed.KilledWorker,))
 
-    return start
+@contextmanager
+def on(executor: futures.Executor, number: int) -> Iterator[Workers]:
+    """An executor that is there already, with so many points at once."""
+    yield Workers(executor, number)
 
 
 def rows(tasks: Iterable[Task], start: Start) -> Iterator[Row]:
@@ -106,7 +99,9 @@ def rows(tasks: Iterable[Task], start: Start) -> Iterator[Row]:
                 break
             alone = len(under_way) == 1 and not broken
             for future in futures.wait(under_way, return_when=futures.FIRST_COMPLETED).done:
-                task, error = under_way.pop(future), _error(future)
+                if future.cancelled():
+                    raise NoCluster("the cluster has ended; started again, the sweep goes on")
+                task, error = under_way.pop(future), future.exception()
                 broken = broken or isinstance(error, futures.BrokenExecutor)
                 if error is None:
                     yield future.result()
@@ -118,13 +113,6 @@ def rows(tasks: Iterable[Task], start: Start) -> Iterator[Row]:
                     yield {**task.head, "error": "whatever process plans it ends"}
     if faults:
         raise faults[0]
-
-
-def _error(future: futures.Future[Row]) -> BaseException | None:
-    try:
-        return future.exception()
-    except futures.CancelledError:
-        raise NoCluster("the cluster has ended; started again, the sweep goes on") from None
 
 
 def _begin() -> None:

@@ -6,6 +6,7 @@ import csv
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from io import StringIO
 from pathlib import Path
 from time import monotonic
@@ -63,7 +64,8 @@ def sweep(
     if isinstance(what, Sweep):
         what = what.points_from(Path())
     points = what if isinstance(what, Points) else load_sweep(what)[1]
-    start = processes(workers) if executor is None else on(executor, workers or 1)
+    here = partial(processes, workers)
+    start = here if executor is None else partial(on, executor, workers or 1)
     fill(Path(file), points, start, progress)
     return read(Path(file))
 
@@ -136,5 +138,5 @@ def _table(
 
         if not content.startswith(header):
             rows.writeheader()
-        _, *lines = csv.reader(StringIO(whole.decode()))
-        yield {int(line[0]): line[1] for line in lines}, add
+        lines = csv.DictReader(StringIO(whole.decode()))
+        yield {int(line["point"]): line["inputs"] for line in lines}, add

@@ -13,9 +13,8 @@ samples:                               # each with all of the grid and the point
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -36,7 +35,10 @@ _NUMBER = f"a whole number from 1 to {MOST_POINTS}"
 _VALUES = "a list of values, or {from, to, steps}"
 _FILES = "the path of a file relative to this one, or a list of them"
 _GRID = f"a mapping of keys, such as robot.drive.torque, each to {_VALUES}"
+_METHOD = "sobol or latin_hypercube"
 _RANGES = "a mapping of keys, such as robot.drive.torque, each to {from, to}"
+_POINTS = "a list of mappings of keys to values"
+_SAMPLES = "a mapping with the keys number, ranges, method, seed"
 _COLUMN = "a key of the sweep, or one of " + ", ".join(FACTS)
 
 _Files = Text | tuple[Text, ...]
@@ -48,9 +50,7 @@ class Samples(Record):
 
     ranges: dict[str, Any] = Field(min_length=1, description=_RANGES)
     number: Annotated[int, Field(ge=1, le=MOST_POINTS)] = Field(description=_NUMBER)
-    method: Literal["sobol", "latin_hypercube"] = Field(
-        default="sobol", description="sobol or latin_hypercube"
-    )
+    method: Literal["sobol", "latin_hypercube"] = Field("sobol", description=_METHOD)
     seed: Annotated[int, Field(ge=0)] = Field(default=1, description="a whole number, at least 0")
 
     @field_validator("ranges")
@@ -59,15 +59,15 @@ class Samples(Record):
         return {key: _ends(f"ranges.{key}", given) for key, given in ranges.items()}
 
     @property
-    def drawn(self) -> list[Changes]:
+    def drawn(self) -> list[dict[str, Any]]:
         """The points. Raises MissingPackage without scipy."""
         qmc = installed("scipy.stats", "sweep").qmc
         least, most = np.array(list(self.ranges.values())).T
-        method = qmc.Sobol if self.method == "sobol" else qmc.LatinHypercube
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # best balanced are powers of two
-            shares = method(len(least), rng=self.seed).random(self.number)
-        values = (least + shares * (most - least)).tolist()
+        if self.method == "sobol":  # of which the first of a power of two are taken
+            points = qmc.Sobol(len(least), rng=self.seed).random_base2(self.number.bit_length())
+        else:
+            points = qmc.LatinHypercube(len(least), rng=self.seed).random(self.number)
+        values = qmc.scale(points[: self.number], least, most).tolist()
         return [dict(zip(self.ranges, each, strict=True)) for each in values]
 
 
@@ -88,17 +88,11 @@ class Sweep(Record):
     scene: _Files = Field(description=_FILES)
     robot: _Files | None = Field(default=None, description=_FILES)
     grid: dict[str, Any] = Field(default={}, description=_GRID)
-    points: tuple[dict[str, Any], ...] | None = Field(
-        default=None, min_length=1, description="a list of mappings of keys to values"
-    )
-    samples: Samples | None = Field(
-        default=None, description="a mapping with the keys number, ranges, method, seed"
-    )
+    points: tuple[dict[str, Any], ...] | None = Field(None, min_length=1, description=_POINTS)
+    samples: Samples | None = Field(default=None, description=_SAMPLES)
     tolerance: Positive = Field(default=1e-3, description="a number greater than 0")
     column: Text = Field(default="duration", description=_COLUMN)
-    pareto: tuple[Text, Text] | None = Field(
-        default=None, description=f"two columns, each {_COLUMN}"
-    )
+    pareto: tuple[Text, Text] | None = Field(None, description=f"two columns, each {_COLUMN}")
 
     @field_validator("grid")
     @classmethod
@@ -108,18 +102,16 @@ class Sweep(Record):
     @model_validator(mode="after")
     def _has_columns(self) -> Self:
         known = {*self.headers, *FACTS}
-        for key, given in (("column", [self.column]), ("pareto", self.pareto or ())):
-            for unknown in set(given) - known:
-                raise SceneError(None, key, unknown, f"one of {', '.join(sorted(known))}")
+        for key, given in (("column", self.column), *(("pareto", p) for p in self.pareto or ())):
+            if given not in known:
+                raise SceneError(None, key, given, f"one of {', '.join(sorted(known))}")
         return self
 
     @property
     def headers(self) -> list[str]:
         """Of the columns of what is changed."""
-        ranges = self.samples.ranges if self.samples else {}
-        return list(
-            dict.fromkeys([*self.grid, *(k for p in self.points or () for k in p), *ranges])
-        )
+        parts = (self.grid, *(self.points or ()), self.samples.ranges if self.samples else {})
+        return list(dict.fromkeys(chain(*parts)))
 
     def points_from(self, folder: Path) -> Points:
         """All points; files are relative to a folder. Raises SceneError, also where no value of a
@@ -129,15 +121,12 @@ class Sweep(Record):
             for scene in ([self.scene] if isinstance(self.scene, str) else self.scene)
             for robot in (self.robot if isinstance(self.robot, tuple) else [self.robot])
         ]
-        axes: list[Sequence[Changes]] = [
-            [{key: value} for value in values] for key, values in self.grid.items()
-        ]
+        axes = [[{key: value} for value in values] for key, values in self.grid.items()]
         if self.points:
             axes.append([{k: whatever_in_si(v) for k, v in each.items()} for each in self.points])
         if self.samples:
             axes.append(self.samples.drawn)
-        unchanged: list[Changes] = [{}]
-        for changes in (unchanged, *axes):
+        for changes in axes:
             _require_usable(bases, changes)
         return Points(bases, axes, self.headers, self.tolerance)
 
@@ -168,19 +157,15 @@ def base_of(folder: Path, scene: str, robot: str | None) -> Base:
     return Base({"scene": scene, "robot": robot}, file, content)
 
 
-def _require_usable(bases: Sequence[Base], changes: Sequence[Changes]) -> None:
+def _require_usable(bases: Sequence[Base], changes: Sequence[Changes]) -> Any:
     """Raise SceneError where no base can be used with any of some changes."""
-    wrong = None
     for base, each in product(bases, changes):
         try:
-            made_of(changed(base.content, each), base.file)
+            return made_of(changed(base.content, each), base.file)
         except SceneError as error:
             wrong = error
             if error.problem == "is not a known key":
                 break
-        else:
-            return
-    assert wrong is not None
     raise SceneError(None, wrong.key, wrong.value, wrong.expected, wrong.problem)
 
 
@@ -190,7 +175,7 @@ def _values(key: str, given: Any) -> list[Any]:
         return [whatever_in_si(each) for each in given]
     if isinstance(given, dict) and "steps" in given:
         steps = given["steps"]
-        if not (isinstance(steps, int | float) and steps in range(2, MOST_POINTS)):
+        if steps not in range(2, MOST_POINTS):
             raise SceneError(None, f"{key}.steps", steps, "a whole number, at least 2")
         ends = _ends(key, {name: each for name, each in given.items() if name != "steps"})
         return [*np.linspace(*ends, int(steps)).tolist()]

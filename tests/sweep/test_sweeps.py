@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import csv
+import os
+import signal
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -136,20 +139,34 @@ def test_a_worker_that_is_killed_loses_nothing(expected, tmp_path):
     assert all(row["verified"] == "yes" for row in found if not row["error"])
 
 
-def test_a_cluster_plans_the_same(swept, expected, tmp_path):
+def test_a_worker_of_a_cluster_that_is_killed_loses_nothing(swept, expected, tmp_path):
+    """Two processes of a Dask cluster plan the same; one is killed with points under way."""
     distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=2,
-        threads_per_worker=1,
-        processes=False,
-        dashboard_address=":0",
-        silence_logs="CRITICAL",
-    ) as local:
-        fill(tmp_path / "rows.csv", swept.points_from(Path()), cluster(local.scheduler_address))
+    killed = []
+    with (
+        distributed.LocalCluster(
+            n_workers=2,
+            threads_per_worker=1,
+            dashboard_address=":0",
+            silence_logs="CRITICAL",
+        ) as local,
+        local.get_client() as client,
+    ):
+        pids = client.run(os.getpid)
+
+        def kill(done, text):
+            """After the first row: a process that has been given other points."""
+            if not killed:
+                killed.extend(pids[worker] for worker, keys in client.processing().items() if keys)
+                os.kill(killed[0], signal.SIGKILL)
+
+        there = partial(cluster, local.scheduler_address)
+        fill(tmp_path / "rows.csv", swept.points_from(Path()), there, kill)
+        assert killed[0] not in client.run(os.getpid).values()
     assert rows(tmp_path / "rows.csv") == expected
 
 
 def test_without_a_cluster_there_is_a_sentence(swept, tmp_path):
     pytest.importorskip("distributed")
     with pytest.raises(NoCluster, match="no Dask scheduler answers there"):
-        fill(tmp_path / "rows.csv", swept.points_from(Path()), cluster("nonsense://1"))
+        fill(tmp_path / "rows.csv", swept.points_from(Path()), partial(cluster, "nonsense://1"))
