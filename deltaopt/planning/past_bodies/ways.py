@@ -28,6 +28,7 @@ from deltaopt.planning.plan import Plan, TakenWay, quicker
 from deltaopt.planning.refinement import Slower
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import MovingPoint
 
 _MOST_WAYS, _PROMISING = 12, 1.06
 """How many ways past bodies are solved on the first mesh, those that can be driven fastest, and how
@@ -39,7 +40,7 @@ _FAST, _NOTHING_TO_GAIN = 1.01, 1.003
 """Of the duration of the fastest motion without bodies: a way that takes no longer on the first
 mesh, or as it is planned, is the last that is looked at."""
 _SLOWER = 1.5
-"""By what factor the motion of a way from rest to rest is slowed. It is then taken as one near the
+"""By what factor the motion of a way is slowed, but to a belt. It is then taken as one near the
 best: a method that moves away from all bounds first, as from a motion that may be anywhere, leaves
 the side of a thin body; at the bounds it hardly moves. Of 204 ways of 40 scenes 93 % were planned
 so, 83 % without, in half the time."""
@@ -190,7 +191,8 @@ class _Trial:
         """The trial of a way, past the bodies that this comes near."""
         bodies = near(attempt.scene, way.motion.position)
         scene, name = past_these(attempt.scene, bodies), f"the way {way.name}"
-        motion = way.motion.slowed(_SLOWER if scene.task.is_at_rest else 1.0)
+        on_belt = isinstance(scene.task.goal, MovingPoint)  # which slowing would move
+        motion = way.motion.slowed(1.0 if on_belt else _SLOWER)
         begin = replace(attempt, scene=scene, motion=motion, is_near=True, proposal=name)
         return cls(begin, way.motion.duration, way.motion)
 
