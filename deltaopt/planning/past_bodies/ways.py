@@ -22,7 +22,7 @@ from deltaopt.planning.first_motions.around_bodies import (
     ways_around,
 )
 from deltaopt.planning.first_motions.bands import Bodies
-from deltaopt.planning.first_motions.moving_ends import end_of, start_of
+from deltaopt.planning.first_motions.moving_ends import end_of, from_state_to_state, start_of
 from deltaopt.planning.past_bodies.near_bodies import near, past_these, with_those_hit
 from deltaopt.planning.plan import Plan, TakenWay, quicker
 from deltaopt.planning.refinement import Slower
@@ -101,14 +101,17 @@ def fastest_way(
     raise failures[0]
 
 
-def at_rest(scene: Scene, motion: Trajectory) -> Scene:
+def at_rest(scene: Scene, motion: Trajectory | None) -> Scene:
     """The scene itself where it is from rest to rest, otherwise that from rest to rest between the
-    ends of a motion: ways then begin and end as a solver is asked to change it, but pass bodies."""
+    ends of a motion, or of a quintic where none is known: ways then begin and end as a solver is
+    asked to change it, but pass bodies. Raises Infeasible where no quintic stays within reach."""
     if scene.task.is_at_rest:
         return scene
-    return scene.model_copy(
-        update={"start": start_of(motion.position), "goal": end_of(motion.position)}
-    )
+    motion = motion or from_state_to_state(scene)
+    if motion is None:
+        raise Infeasible("no simple motion between start and goal stays within reach")
+    ends = {"start": start_of(motion.position), "goal": end_of(motion.position)}
+    return scene.model_copy(update=ends)
 
 
 def _best_of(
