@@ -20,7 +20,6 @@ from deltaopt.errors import (
     DeltaOptError,
     Infeasible,
     NotConverged,
-    Unreachable,
     if_possible,
     in_words,
 )
@@ -39,7 +38,7 @@ from deltaopt.planning.first_motions.around_bodies import (
     name_of_way,
 )
 from deltaopt.planning.first_motions.bands import Bodies
-from deltaopt.planning.first_motions.moving_ends import first_moving_motions, from_state_to_state
+from deltaopt.planning.first_motions.moving_ends import first_moving_motions
 from deltaopt.planning.first_motions.multistart import other_motions
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.first_motions.passages import paths_of_lines
@@ -220,12 +219,12 @@ class Run(Loop):
 
     def _plan_moving(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
         """Plan the fastest motion where an end moves, from the first guess that leads to one."""
+        has_bodies = limits_of(scene).constraints.has_convex
         if scene.task.gates:
             found = self._past_or_through(scene, through_gates(scene))
         else:
-            found = self._moving_past_bodies(scene, under_way) or self._past_or_through(
-                scene, first_moving_motions(scene, under_way)
-            )
+            past = if_possible(NO_PLAN, self._past_bodies, scene, under_way) if has_bodies else None
+            found = past or self._past_or_through(scene, first_moving_motions(scene, under_way))
         found = self._onto_belt(scene, found)
         if under_way is None:
             return or_raise(found)
@@ -299,7 +298,8 @@ class Run(Loop):
 
         found, failure = list[Plan](), None
         try:
-            way = Attempt(scene, _first_at_rest(scene, motion), self.optimiser.intervals)
+            first = first_motion(at_rest(scene, motion))
+            way = Attempt(scene, first, self.optimiser.intervals)
             plan, ways = fastest_way(way, motion, self.only_from, self.on_first_mesh, self.good_gap)
             found.append(replace(plan, scene=scene, ways=ways))
         except ENDS_AN_ATTEMPT as error:
@@ -315,19 +315,6 @@ class Run(Loop):
         if scene.task.is_at_rest:
             return self.by_merit(scene)
         return or_raise(self.until_good(scene, first_moving_motions(scene, under_way)))
-
-    def _moving_past_bodies(
-        self, scene: Scene, under_way: PiecewisePolynomial | None
-    ) -> Plan | None:
-        """The plan past keep-out bodies where an end moves; None where there are none, or no way
-        leads to a plan: other first motions may."""
-        if not limits_of(scene).constraints.has_convex:
-            return None
-        try:
-            return self._past_bodies(scene, under_way)
-        except (Infeasible, Unreachable, *ENDS_AN_ATTEMPT) as error:
-            self.journal.note(str(error))
-            return None
 
     def _through_passages(self, scene: Scene) -> list[Plan]:
         """The plan along short paths of straight lines past bodies, where no mesh finds its way:
@@ -381,18 +368,6 @@ class Run(Loop):
             if found.gap <= self.good_gap:
                 break
         return found
-
-
-def _first_at_rest(scene: Scene, free: Trajectory | None) -> Trajectory:
-    """The first motion from rest to rest between the ends of a motion without bodies; ``free``:
-    that motion, None where it is not known. Raises Infeasible where an end moves and there is no
-    simple motion to it."""
-    if scene.task.is_at_rest:
-        return first_motion(scene)
-    free = free or from_state_to_state(scene)
-    if free is None:
-        raise Infeasible("no simple motion between the ends stays within reach")
-    return first_motion(at_rest(scene, free))
 
 
 def _cost(plan: Plan) -> float:

@@ -19,8 +19,6 @@ from deltaopt.motion.links import planned_distances
 from deltaopt.motion.sure_bounds import signed_distances, sure_excess
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.robot.machine import Model
-from deltaopt.robot.model import model_of
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.links import ROUGHLY, name_of
 from deltaopt.scene.scene import Scene
@@ -133,29 +131,23 @@ class Bodies:
     def in_reach(self, places: Array) -> Array:
         """Places, (…, 3), m, moved as little as it takes for arms and bars to be no more in line
         than ``_ALIGNED``, or than at an end, as far as the first derivative tells."""
-        found = places.reshape(-1, 3)
+        found, small = places.reshape(-1, 3), _SMALL * self.way
+        alignments = problem_of(self.scene).model.alignments
         for _ in range(_BACK):
-            short = self._aligned - self.model.alignments(found)
+            short = self._aligned - alignments(found)
             out = short.max(axis=1) > 0
             if not out.any():
                 break
-            x, worst = found[out], short[out].argmax(axis=1)[:, None, None]
-            beside = x[:, None] + self.way * _SMALL * np.eye(3)
-            aligned = self.model.alignments(beside.reshape(-1, 3)).reshape(-1, 3, 3)
-            after = np.take_along_axis(aligned, worst, axis=2)[..., 0]
-            miss = np.take_along_axis(short[out], worst[:, 0], axis=1)
-            slope = (after - (self._aligned - miss)) / (self.way * _SMALL)
-            found[out] = x + miss * slope / (slope**2).sum(axis=1, keepdims=True)
+            x, short = found[out], short[out].max(axis=1, keepdims=True)
+            beside = [alignments(x + step).min(axis=1) for step in np.diag([small] * 3)]
+            slope = (np.stack(beside, axis=1) - (self._aligned - short)) / small
+            found[out] = x + short * slope / (slope**2).sum(axis=1, keepdims=True)
         return found.reshape(places.shape)
 
     @cached_property
-    def model(self) -> Model:
-        """Of the robot with its payload."""
-        return model_of(self.scene.robot, self.scene.payload)
-
-    @cached_property
     def _aligned(self) -> float:
-        return min(_ALIGNED, float(self.model.alignments(self.ends).min()) / 2)
+        at_ends = problem_of(self.scene).model.alignments(self.ends)
+        return min(_ALIGNED, float(at_ends.min()) / 2)
 
     def hits(self, bands: Array) -> list[Hit | None]:
         """What each of some bands, (W, n, 3), runs into first; None where it is clear."""
