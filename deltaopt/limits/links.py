@@ -12,10 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import cos, inf, sin
 
 import casadi as ca
 
+from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.limits.keep_out import (
     FAR,
     OF_LIMIT,
@@ -47,6 +49,9 @@ whether it is a forearm, radii of base and platform, length of the arm, offset o
 _BISECTIONS = 12
 """Of a line: its nearest place is then known to a four-thousandth of it, from where one step of
 Newton's method leads to rounding. Each is some forty operations for each pair and instant."""
+_CLOSELY = 50
+"""The same where a motion is looked at and not optimised: to rounding, for the step may lead across
+a kink, and inside of a solid there is none."""
 _LEAST_BEND = 1e-9
 """Of the squared length: least curvature of the squared distance along a line, where it is beside a
 side of a body that it is parallel to, and every place is as near."""
@@ -143,10 +148,27 @@ class _Line:
         return where(is_outside, outside) + where(ca.logic_not(is_outside), inside)
 
 
-def _nearest_share(line: _Line) -> SX:
+@lru_cache(maxsize=1)
+def nearest_on_line() -> RowFunction:
+    """(begin and end of a line, numbers of a solid) -> at which share of the line, from 0 to 1, it
+    is nearest to the solid, the signed distance there, m, and the gradient of that, a unit vector.
+    """
+    begin, end, x = (SX.sym(name, 3) for name in ("begin", "end", "x"))
+    solid = SX.sym("solid", OF_SOLID)
+    axes, centre = ca.reshape(solid[:9], 3, 3).T, solid[9:12]
+    line = _Line(axes @ (begin - centre), axes @ (end - begin), solid)
+    share, distance = _nearest_share(line, _CLOSELY), distance_from_solid(x, solid)
+    found = ca.substitute(
+        [distance, ca.gradient(distance, x)], [x], [begin + share * (end - begin)]
+    )
+    outputs = [ca.densify(each) for each in (share, *found)]
+    return RowFunction(ca.Function("nearest", [begin, end, solid], outputs, {"cse": True}))
+
+
+def _nearest_share(line: _Line, bisections: int = _BISECTIONS) -> SX:
     """At which share of a line, from 0 to 1, it is nearest to a solid."""
     share, step = SX(0.5), 0.25
-    for _ in range(_BISECTIONS):
+    for _ in range(bisections):
         recedes = line.slope(share) > 0
         share = share + step - where(recedes, SX(2 * step))
         step /= 2
