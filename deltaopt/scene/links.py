@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.limits.keep_out import numbers_of_solid
-from deltaopt.limits.links import nearest_on_line
+from deltaopt.limits.solid_distance import nearest_on_line, numbers_of_solid
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot, as_delta
