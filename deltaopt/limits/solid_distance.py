@@ -57,23 +57,12 @@ def nearest_on_line() -> RowFunction:
     """
     begin, end, x = (SX.sym(name, 3) for name in ("begin", "end", "x"))
     solid = SX.sym("solid", OF_SOLID)
-    share = _nearest_share(_line(begin, end, solid), _CLOSELY)
-    distance = distance_from_solid(x, solid)
+    share, distance = nearest_share(begin, end, solid, _CLOSELY), distance_from_solid(x, solid)
     found = ca.substitute(
         [distance, ca.gradient(distance, x)], [x], [begin + share * (end - begin)]
     )
     outputs = [ca.densify(each) for each in (share, *found)]
     return RowFunction(ca.Function("nearest", [begin, end, solid], outputs, {"cse": True}))
-
-
-def nearest_share(begin: SX, end: SX, solid: SX) -> SX:
-    """At which share of a line, from 0 to 1, it is nearest to a solid, by the numbers of that."""
-    return _nearest_share(_line(begin, end, solid), _BISECTIONS)
-
-
-def _line(begin: SX, end: SX, solid: SX) -> _Line:
-    axes, centre = ca.reshape(solid[:9], 3, 3).T, solid[9:12]
-    return _Line(axes @ (begin - centre), axes @ (end - begin), solid)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +99,10 @@ class _Line:
         return where(is_outside, outside) + where(ca.logic_not(is_outside), inside)
 
 
-def _nearest_share(line: _Line, bisections: int) -> SX:
-    """At which share of a line, from 0 to 1, it is nearest to a solid."""
+def nearest_share(begin: SX, end: SX, solid: SX, bisections: int = _BISECTIONS) -> SX:
+    """At which share of a line, from 0 to 1, it is nearest to a solid, by the numbers of that."""
+    axes, centre = ca.reshape(solid[:9], 3, 3).T, solid[9:12]
+    line = _Line(axes @ (begin - centre), axes @ (end - begin), solid)
     share, step = SX(0.5), 0.25
     for _ in range(bisections):
         recedes = line.slope(share) > 0

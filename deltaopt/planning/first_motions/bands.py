@@ -201,7 +201,11 @@ class Bodies:
     def bent(self, front: list[tuple[Array, Hit]]) -> list[Array]:
         """Bands bent around the bodies that each of some bands is inside of from one sample to
         another, to the four sides of its own direction, as far as there they are clear of them."""
-        lanes = [(*each, side) for each in front for side in self._sides_of_hit(*each)]
+        lanes = [
+            (band, hit, side)
+            for band, hit in front
+            for side in sides_of(band[hit[2] + 1] - band[hit[1] - 1])
+        ]
         if not lanes:
             return []
         inside = [band[first : last + 1] for band, (_, first, last), _ in lanes]
@@ -227,10 +231,6 @@ class Bodies:
             for k, (band, (_, first, last), side) in enumerate(lanes)
             if found[k]
         ]
-
-    def _sides_of_hit(self, band: Array, hit: Hit) -> Array:
-        _, first, last = hit
-        return sides_of(band[last + 1] - band[first - 1])
 
     def is_nearly_clear(self, band: Array) -> bool:
         """Whether a band leads through no body, however thin, though it may cut corners: whether

@@ -218,15 +218,10 @@ class _Trial:
             attempt, motion = _on_mesh(scene, attempt, on_first_mesh)
             if motion is None or motion.duration > self.longest:
                 continue
-            if _is_on_its_side(attempt.scene, motion):
+            bodies, path = Bodies.along(attempt.scene, motion)
+            if bodies.is_nearly_clear(path):
                 return replace(self, attempt=attempt, motion=motion, is_solved=True)
         return replace(self, attempt=replace(self.attempt, scene=attempt.scene))
-
-
-def _is_on_its_side(scene: Scene, motion: Trajectory) -> bool:
-    """Whether a motion leads past bodies, though it may cut corners between points of a mesh."""
-    bodies, path = Bodies.along(scene, motion)
-    return bodies.is_nearly_clear(path)
 
 
 def _on_mesh(
