@@ -30,6 +30,16 @@ from deltaopt.limits.limit import (
     Numbers,
     OwnMeasure,
 )
+from deltaopt.limits.solid_distance import (
+    OF_SOLID,
+    TINY,
+    distance_from_solid,
+    larger,
+    numbers_of_solid,
+    positive,
+    root,
+    where,
+)
 from deltaopt.robot.solids import ALONG_THE_BASE, MOST_TRIANGLES, Convex, Polytope, Solid
 
 SCALE = 0.25
@@ -48,11 +58,9 @@ _TRIANGLE = ((0.0, 2.0), (-2.0, -1.0), (2.0, -1.0))
 """Corners of a triangle about the origin, counter-clockwise."""
 _SAME_PLANE = 1e-9
 """Of unit normals, and of distances in m: what two planes differ by that are the same."""
-_TINY = 1e-24
-"""Stands for a squared distance of 0, m², where a root would have no derivative."""
-OF_SOLID, OF_LIMIT = 17, 3
-"""Numbers of a solid: axes, centre, half lengths, whether it is round, radius; and of every body:
-the least distance, the scale, and the least distance again, -inf for a place that is not used."""
+OF_LIMIT = 3
+"""Numbers of every body beside its shape: the least distance, the scale, and the least distance
+again, -inf for a place that is not used."""
 PLACES = (1, 2, 4, 8, 16, 32, 64)
 _TRIANGLES = (16, MOST_TRIANGLES)
 MOST_SOLIDS = PLACES[-1]
@@ -179,18 +187,6 @@ def _sides(own: Array) -> list[_Side]:
     return curved + [(i, sign) for i in axes if own[12 + i] < _HUGE for sign in (1, -1)]
 
 
-def distance_from_solid(x: SX, own: SX) -> SX:
-    """Signed distance of a point (3, m) from a solid, by its numbers."""
-    axes, centre, half = ca.reshape(own[:9], 3, 3).T, own[9:12], own[12:15]
-    is_round, radius = own[15], own[16]
-    u = axes @ (x - centre)
-    across = root(u[0] ** 2 + is_round * u[1] ** 2)
-    beyond = ca.vertcat(across, (1 - is_round) * ca.fabs(u[1]), ca.fabs(u[2])) - half
-    outside = root(ca.sumsqr(ca.vertcat(*map(positive, ca.vertsplit(beyond)))))
-    nearest = larger(larger(beyond[0], beyond[1]), beyond[2])
-    return outside - positive(-nearest) - radius
-
-
 @dataclass(frozen=True)
 class KeepOutHull(_KeepOut):
     """Least distance of the tool's point from the convex hulls of points.
@@ -261,12 +257,6 @@ def place_among_rows(body: Convex) -> int:
     return len(body.triangles) > _TRIANGLES[0] if isinstance(body, Polytope) else -1
 
 
-def numbers_of_solid(solid: Solid) -> Numbers:
-    """A solid as so many numbers as ``OF_SOLID`` says."""
-    axes = tuple(component for axis in solid.axes for component in axis)
-    return (*axes, *solid.centre, *solid.half, float(solid.is_cylinder), solid.radius)
-
-
 def kept_from(scene: Described, least: float) -> Numbers:
     """What follows the numbers of a body: the least distance (m), the scale, and the least distance
     again, -inf where there is none."""
@@ -298,11 +288,11 @@ def _squared_distance(x: SX, triangle: SX) -> SX:
     from_edges, is_beside = [], SX(0)
     for a, b in ((0, 1), (1, 2), (2, 0)):
         edge, away = corners[b] - corners[a], x - corners[a]
-        share = ca.dot(away, edge) / larger(ca.sumsqr(edge), SX(_TINY))
+        share = ca.dot(away, edge) / larger(ca.sumsqr(edge), SX(TINY))
         share = share - positive(share - 1) + positive(-share)
         from_edges.append(ca.sumsqr(away - share * edge))
         is_beside = is_beside + (ca.dot(ca.cross(edge, away), normal) < 0)
-    height = ca.dot(normal, x - corners[0]) ** 2 / larger(ca.sumsqr(normal), SX(_TINY))
+    height = ca.dot(normal, x - corners[0]) ** 2 / larger(ca.sumsqr(normal), SX(TINY))
     beside = is_beside > 0
     nearest = -larger(-from_edges[0], larger(-from_edges[1], -from_edges[2]))
     return where(beside, nearest) + where(ca.logic_not(beside), height)
@@ -316,23 +306,3 @@ def _selected(values: list[SX], data: list[SX], sign: int) -> tuple[SX, SX]:
         best = best + where(better, value - best)
         chosen = chosen + where(better, own - chosen)
     return best, chosen
-
-
-def root(square: SX) -> SX:
-    """A square root with a derivative at 0."""
-    return ca.sqrt(larger(square, SX(_TINY)))
-
-
-def positive(value: SX) -> SX:
-    """A value, or 0 where it is negative."""
-    return where(value > 0, value)
-
-
-def larger(one: SX, other: SX) -> SX:
-    """The larger of two values."""
-    return where(other < one, one) + where(ca.logic_not(other < one), other)
-
-
-def where(condition: SX, value: SX) -> SX:
-    """A value where a condition holds, otherwise 0, whatever the value is there."""
-    return ca.if_else(condition, value, 0)

@@ -318,7 +318,7 @@ class ConvexLimit(Limit):
 
 class PhasedLimit(Limit):
     """A limit of the position whose numbers differ from phase to phase of a motion, and whose rows
-    are polynomials of the time where the position is one."""
+    are convex functions of the place, and polynomials of the time where the position is one."""
 
     def numbers_in_phases(self, numbers: Array) -> Sequence[Array]:
         """The numbers in each phase, from those of the scene."""

@@ -1,9 +1,7 @@
 """d(line) ≥ clearance: the signed distance of the lines of arms and forearms from keep-out bodies.
 
 A link is a capsule: all that is within a radius of the line from shaft to elbow, or from elbow to
-the middle of the pins at the platform. Along a line the distance from a convex body is a convex
-function, whose least value is where its slope changes sign: bisection finds about where, and one
-step of Newton's method then gives that place, and how it moves with the line, to rounding.
+the middle of the pins at the platform.
 
 Which link keeps clear of which body is numbers, as bodies are. Their count is rounded up.
 """
@@ -11,7 +9,6 @@ Which link keeps clear of which body is numbers, as bodies are. Their count is r
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import cos, inf, sin
 
 import casadi as ca
@@ -19,16 +16,9 @@ import casadi as ca
 from deltaopt.limits.keep_out import (
     FAR,
     OF_LIMIT,
-    OF_SOLID,
     PLACES,
     Distances,
-    distance_from_solid,
     kept_from,
-    larger,
-    numbers_of_solid,
-    positive,
-    root,
-    where,
 )
 from deltaopt.limits.limit import (
     SX,
@@ -38,18 +28,18 @@ from deltaopt.limits.limit import (
     Numbers,
     OwnMeasure,
 )
+from deltaopt.limits.solid_distance import (
+    OF_SOLID,
+    distance_from_solid,
+    nearest_share,
+    numbers_of_solid,
+)
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.robot.robot import Robot, as_delta
 
 _OF_LINE = 12
 """Numbers of a link's line: which motor turns its arm (3), outwards from the base's axis (2),
 whether it is a forearm, radii of base and platform, length of the arm, offset of the tool (3)."""
-_BISECTIONS = 12
-"""Of a line: its nearest place is then known to a four-thousandth of it, from where one step of
-Newton's method leads to rounding. Each is some forty operations for each pair and instant."""
-_LEAST_BEND = 1e-9
-"""Of the squared length: least curvature of the squared distance along a line, where it is beside a
-side of a body that it is parallel to, and every place is as near."""
 
 
 class LinkClearance(Distances):
@@ -83,8 +73,7 @@ class LinkClearance(Distances):
     def _distance(self, motion: Instant, own: SX) -> SX:
         begin, end = _ends(motion, own[:_OF_LINE])
         solid = own[_OF_LINE : _OF_LINE + OF_SOLID]
-        axes, centre = ca.reshape(solid[:9], 3, 3).T, solid[9:12]
-        share = _nearest_share(_Line(axes @ (begin - centre), axes @ (end - begin), solid))
+        share = nearest_share(begin, end, solid)
         return distance_from_solid(begin + share * (end - begin), solid)
 
 
@@ -107,57 +96,3 @@ def _ends(motion: Instant, own: SX) -> tuple[SX, SX]:
     pins = motion.x - own[9:12] + platform * outwards
     begin = shaft + is_forearm * (elbow - shaft)
     return begin, elbow + is_forearm * (pins - elbow)
-
-
-@dataclass(frozen=True, eq=False)
-class _Line:
-    """A line in the axes of a solid: where it begins, its way to its end, and the solid."""
-
-    begin: SX
-    way: SX
-    solid: SX
-
-    def beyond(self, share: SX) -> tuple[list[SX], list[SX], SX]:
-        """At a share of the line: by how much it is beyond the solid's sides, the rates of these
-        by the share, and the rate of the first of these rates, which of a cylinder is not
-        constant."""
-        half, is_round, u, way = self.solid[12:15], self.solid[15], self.begin, self.way
-        u = u + share * way
-        across = root(u[0] ** 2 + is_round * u[1] ** 2)
-        rate = (u[0] * way[0] + is_round * u[1] * way[1]) / across
-        bend = (way[0] ** 2 + is_round * way[1] ** 2 - rate**2) / across
-        far = across - half[0], (1 - is_round) * ca.fabs(u[1]) - half[1], ca.fabs(u[2]) - half[2]
-        rates = [rate, (1 - is_round) * _sign(u[1]) * way[1], _sign(u[2]) * way[2]]
-        return list(far), rates, bend
-
-    def slope(self, share: SX) -> SX:
-        """A number with the sign of the distance's rate by the share."""
-        far, rates, _ = self.beyond(share)
-        outside = sum((positive(a) * rate for a, rate in zip(far, rates, strict=True)), SX(0))
-        farthest, inside = far[0], rates[0]
-        for a, rate in zip(far[1:], rates[1:], strict=True):
-            is_farther = farthest < a
-            farthest = farthest + where(is_farther, a - farthest)
-            inside = inside + where(is_farther, rate - inside)
-        is_outside = farthest > 0
-        return where(is_outside, outside) + where(ca.logic_not(is_outside), inside)
-
-
-def _nearest_share(line: _Line) -> SX:
-    """At which share of a line, from 0 to 1, it is nearest to a solid."""
-    share, step = SX(0.5), 0.25
-    for _ in range(_BISECTIONS):
-        recedes = line.slope(share) > 0
-        share = share + step - where(recedes, SX(2 * step))
-        step /= 2
-    far, rates, bend = line.beyond(share)
-    away = [positive(a) for a in far]
-    slope = sum((a * rate for a, rate in zip(away, rates, strict=True)), SX(0))
-    curvature = sum((where(a > 0, r**2) for a, r in zip(far, rates, strict=True)), away[0] * bend)
-    share = share - slope / larger(curvature, _LEAST_BEND * ca.sumsqr(line.way))
-    share = positive(share)
-    return 1 - positive(1 - share)
-
-
-def _sign(value: SX) -> SX:
-    return where(value > 0, SX(2)) - 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from deltaopt.curves.bernstein import control_points_of
 from deltaopt.curves.halving import Truths
 from deltaopt.curves.piecewise import Array
 from deltaopt.curves.roots import real_roots
@@ -26,17 +27,25 @@ def approach_rows(problem: Problem, trajectory: Trajectory, fractions: Array) ->
 
 def approach_excess(problem: Problem, trajectory: Trajectory) -> float:
     """By how much a motion exceeds its approach at the worst instant, as a share of the bound; -1
-    without one. Rows are polynomials in an interval: the worst instants are among their extrema."""
+    without one. Rows are polynomials in an interval: the worst instants are among their extrema.
+    They are convex functions of the place, too, and so no more than at its control points: few
+    intervals may be the worst."""
     if problem.limits.phased is None or not problem.gates:
         return -1.0
     worst = 0.0
     lengths, coefficients = np.diff(trajectory.knots), trajectory.position.coefficients
-    limit, phases = _phases(problem, trajectory)
+    points, (limit, phases) = control_points_of(trajectory.position), _phases(problem, trajectory)
     for numbers, which in phases:
-        for k in np.flatnonzero(which).tolist():
-            for row in limit.along([Polynomial(c) for c in coefficients[k].T], numbers):
-                inside = real_roots(row.deriv(), 0.0, lengths[k])
-                worst = max(worst, float(row(np.array([0.0, lengths[k], *inside])).max()))
+        own = np.flatnonzero(which)
+        at_points = np.stack(limit.along(np.moveaxis(points[own], 2, 0), numbers))
+        worst = max(worst, float(at_points[:, :, [0, -1]].max(initial=0.0)))
+        most = at_points.max(axis=2)
+        for row, k in np.argwhere(most > worst)[np.argsort(-most[most > worst])].tolist():
+            if most[row, k] > worst:
+                place = [Polynomial(c) for c in coefficients[own[k]].T]
+                along = limit.along(place, numbers)[row]
+                inside = real_roots(along.deriv(), 0.0, lengths[own[k]])
+                worst = max(worst, float(along(np.array(inside)).max(initial=0.0)))
     return worst - 1
 
 

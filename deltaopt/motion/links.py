@@ -31,7 +31,6 @@ from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.solids import Solid
 from deltaopt.scene.bodies import solids_about
 from deltaopt.scene.links import (
-    CLOSELY,
     LINKS,
     LinkGeometry,
     each_link,
@@ -85,17 +84,17 @@ def least_rooms(
     return least
 
 
-def planned_distances(scene: Scene, x: Array, error: float = CLOSELY) -> tuple[Array, Array]:
+def planned_distances(scene: Scene, x: Array) -> tuple[Array, Array]:
     """How far the lines of ``Scene.kept_links`` are from bodies with the tool's point at places
     (N, 3), m, (N, pairs), and the derivatives of that by the place, (N, pairs, 3). NaN out of
-    reach. ``error``: to what distances are found, m."""
+    reach."""
     geometry = LinkGeometry.of(delta_model(scene.robot, scene.payload), x)
     distances = np.zeros((len(x), len(scene.kept_links)))
     slopes = np.zeros((*distances.shape, 3))
     begin, end = geometry.links
     for k, kept in enumerate(scene.kept_links):
         which = slice(kept.link, kept.link + 1)
-        share, distance, normal = nearest(kept.body, begin[:, which], end[:, which], error)
+        share, distance, normal = nearest(kept.body, begin[:, which], end[:, which])
         distances[:, k] = distance[:, 0]
         slopes[:, k] = geometry.slope(kept.link, share[:, 0], normal[:, 0])
     return distances, slopes

@@ -113,6 +113,6 @@ def _tangents(constraints: Constraints) -> RowFunction:
     """(x, numbers of the limits) -> measures of the convex rows and their derivatives by x."""
     x, numbers = ca.SX.sym("x", 3), constraints.numbers()
     measures = constraints.convex_measures(x, numbers)
-    slopes = ca.densify(ca.vec(ca.jacobian(measures, x).T))
-    outputs = [ca.densify(measures), slopes]
+    slopes = [ca.densify(ca.gradient(each, x)) for each in ca.vertsplit(measures)]
+    outputs = [ca.densify(measures), ca.vertcat(*slopes)]
     return RowFunction(ca.Function("tangents", [x, numbers], outputs, {"cse": True}))

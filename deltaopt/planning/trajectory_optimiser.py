@@ -78,8 +78,8 @@ _FIRST_MESH_TOLERANCE = 1e-4
 """Tightest relative tolerance of the solver on the first mesh. Any tighter is wasted, for the
 discretisation error of a coarse mesh is far larger."""
 _TRIAL_TOLERANCE = 1e-2
-"""The same where no more is asked than how fast about a motion is. Of 320 ways past bodies durations
-were within 0.3 % for nine in ten, less than a coarse mesh tells."""
+"""The same where no more is asked than how fast about a motion is: of nine in ten ways past bodies
+the duration is then within 0.3 %, less than a coarse mesh tells."""
 
 
 class HeldByMotion(NotConverged):

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deltaopt.curves.halving import nearest_on_lines
 from deltaopt.curves.piecewise import Array
+from deltaopt.limits.solid_distance import nearest_on_line, numbers_of_solid
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot, as_delta
@@ -17,8 +17,6 @@ from deltaopt.scene.scene import Scene
 
 LINKS = 6
 """Arm 1, forearm 1, arm 2, and so on."""
-CLOSELY, ROUGHLY = 1e-13, 2e-5
-"""m: to what the distance of a line is found, and where about that will do."""
 
 
 def name_of(link: int) -> str:
@@ -102,39 +100,11 @@ def each_link(of_arms: Array, of_forearms: Array) -> Array:
     return both.reshape(len(both), LINKS, *both.shape[3:])
 
 
-def nearest(
-    body: Solid, begin: Array, end: Array, error: float = CLOSELY
-) -> tuple[Array, Array, Array]:
+def nearest(body: Solid, begin: Array, end: Array) -> tuple[Array, Array, Array]:
     """At which shares of lines, from 0 to 1, they are nearest to a body, (N, lines), how far they
-    are there, m, to within an ``error``, m, and in which direction that grows, (N, lines, 3)."""
-    share = nearest_on_lines(lambda x: _distance(body, x)[1], begin, end - begin, error)
-    return share, *_distance(body, begin + share[..., None] * (end - begin))
-
-
-def _distance(body: Solid, x: Array) -> tuple[Array, Array]:
-    """Signed distances of places (…, 3), m, from a body, and their gradients, unit vectors."""
-    axes = np.array(body.axes)
-    u = (x - np.array(body.centre)) @ axes.T
-    across, half = np.abs(u), np.array(body.half)
-    ways = np.sign(u)
-    if body.is_cylinder:
-        radial = np.maximum(np.linalg.norm(u[..., :2], axis=-1), 1e-300)
-        beyond = np.stack([radial - half[0], across[..., 2] - half[2]], axis=-1)
-    else:
-        beyond = across - half
-    outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
-    deepest = beyond.max(axis=-1)
-    is_out = deepest > 0
-    share = np.where(
-        is_out[..., None],
-        np.maximum(beyond, 0.0) / np.maximum(outside, 1e-300)[..., None],
-        beyond == deepest[..., None],
+    are there, m, and in which direction that grows, (N, lines, 3). NaN where a line is."""
+    share, distance, normal = nearest_on_line()(
+        begin.reshape(-1, 3), end.reshape(-1, 3), parameters=np.array(numbers_of_solid(body))
     )
-    if body.is_cylinder:
-        gradient = np.concatenate(
-            [share[..., :1] * u[..., :2] / radial[..., None], share[..., 1:] * ways[..., 2:]],
-            axis=-1,
-        )
-    else:
-        gradient = share * ways
-    return np.where(is_out, outside, deepest) - body.radius, gradient @ axes
+    lines = begin.shape[:-1]
+    return share.reshape(lines), distance.reshape(lines), normal.reshape(begin.shape)

@@ -43,6 +43,8 @@ _DIGITS = 9
 how BLAS adds, and so the last bits of a band that was drawn tight, differ between them."""
 _COINCIDE = 1e-6
 """Of the way from start to goal: places of a band that are nearer to each other are one."""
+_BACK = -0.995
+"""Cosine of the angle between two straight lines that are within a tenth of opposite."""
 CLEAR = "clear of all bodies"
 """The name of a way that comes near none."""
 _SAME = 0.05
@@ -184,7 +186,11 @@ def _driven(scene: Scene, band: Array) -> Trajectory | None:
 def _without_spikes(band: Array) -> Array:
     """The band without places that all but coincide with another, and without those at which it
     turns right back: rounding would decide the direction there. Both of its ends stay."""
-    least = _COINCIDE * dist(band[0], band[-1])
+    least, steps = _COINCIDE * dist(band[0], band[-1]), np.diff(band, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    along = (steps[1:] * steps[:-1]).sum(axis=1)
+    if (lengths > least).all() and (along >= _BACK * lengths[1:] * lengths[:-1]).all():
+        return band
     kept = [band[0]]
     for place in band[1:]:
         while len(kept) > 1 and (
@@ -197,9 +203,8 @@ def _without_spikes(band: Array) -> Array:
 
 
 def _turns_back(before: Array, place: Array, after: Array) -> bool:
-    """Whether the straight lines to and from a place are within a tenth of opposite."""
     arriving, leaving = place - before, after - place
-    return float((arriving * leaving).sum()) < -0.995 * dist(place, before) * dist(after, place)
+    return float((arriving * leaving).sum()) < _BACK * dist(place, before) * dist(after, place)
 
 
 def _with_stops(scene: Scene, corners: Array) -> Trajectory | None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from itertools import chain
 from math import dist, hypot
 
 import numpy as np
@@ -20,7 +19,7 @@ from deltaopt.motion.sure_bounds import signed_distances, sure_excess
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.known_limits import limits_of
-from deltaopt.scene.links import ROUGHLY, name_of
+from deltaopt.scene.links import name_of
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
 
@@ -90,7 +89,7 @@ class Bodies:
         distance, slope = signed_distances(problem_of(self.scene), x)
         if not self.scene.planned_links:
             return distance, slope
-        of_links, by_place = planned_distances(self.scene, x, ROUGHLY)
+        of_links, by_place = planned_distances(self.scene, x)
         out_of_reach = np.isnan(of_links)  # where another limit holds
         of_links[out_of_reach], by_place[out_of_reach] = np.inf, 0.0
         return np.hstack([distance, of_links]), np.hstack([slope, by_place])
@@ -108,10 +107,11 @@ class Bodies:
 
     def margins(self, x: Array) -> Array:
         """How far places (…, 3) are to be from bodies, (…, rows): less near an end that is."""
-        margin = self.kept + self.margin * self.way
+        usual = margin = self.kept + self.margin * self.way
         for end, own in zip(self.ends, self.at_ends, strict=True):
-            away = np.linalg.norm(x - end, axis=-1)[..., None]
-            margin = np.minimum(margin, own + _RISE * away)
+            if (own < usual).any():
+                away = np.linalg.norm(x - end, axis=-1)[..., None]
+                margin = np.minimum(margin, own + _RISE * away)
         return margin
 
     def drawn(self, bands: Array, tensions: Array) -> Array:
@@ -190,20 +190,39 @@ class Bodies:
             found[unknown] = np.where(excess.max(axis=1) > _TOUCHED, excess.argmax(axis=1), -1)
         return found
 
-    def bent(self, band: Array, body: int, first: int, last: int) -> Iterator[Array]:
-        """A band bent around a body that it is inside of from one sample to another, to the four
-        sides of its own direction."""
-        along = band[last + 1] - band[first - 1]
-        for side in sides_of(along):
-            x, shift = band[first : last + 1], 0.0
-            while shift <= _FARTHEST * self.way:
-                distance, slope = self.distances(x + shift * side)
-                short = self.kept[body] + MARGIN * self.way - distance[:, body]
-                if short.max() <= 1e-3 * self.way:
-                    yield _pulled(band, first, last, shift * side)
-                    break
-                gain = np.maximum(slope.reshape(len(x), -1, 3)[:, body] @ side, 0.2)
-                shift += float((np.maximum(short, 0.0) / gain).max())
+    def bent(self, front: list[tuple[Array, Hit]]) -> list[Array]:
+        """Bands bent around the bodies that each of some bands is inside of from one sample to
+        another, to the four sides of its own direction, as far as there they are clear of them."""
+        lanes = [
+            (band, hit, side)
+            for band, hit in front
+            for side in sides_of(band[hit[2] + 1] - band[hit[1] - 1])
+        ]
+        if not lanes:
+            return []
+        inside = [band[first : last + 1] for band, (_, first, last), _ in lanes]
+        lane = np.repeat(np.arange(len(lanes)), [len(x) for x in inside])
+        x, sides = np.concatenate(inside), np.array([side for *_, side in lanes])
+        bodies = np.array([body for _, (body, _, _), _ in lanes])
+        shifts, found = np.zeros(len(lanes)), np.zeros(len(lanes), dtype=np.bool)
+        going = ~found
+        while going.any():
+            chosen = np.flatnonzero(going[lane])
+            own, row = lane[chosen], np.arange(len(chosen))
+            distance, slope = self.distances(x[chosen] + shifts[own, None] * sides[own])
+            body = bodies[own]
+            short = self.kept[body] + MARGIN * self.way - distance[row, body]
+            gain = np.maximum((slope[row, body] * sides[own]).sum(axis=1), 0.2)
+            begin = np.flatnonzero(np.diff(own, prepend=-1))
+            found[going] = np.maximum.reduceat(short, begin) <= 1e-3 * self.way
+            more = np.maximum.reduceat(np.maximum(short, 0.0) / gain, begin)
+            shifts[going] += np.where(found[going], 0.0, more)
+            going &= ~found & (shifts <= _FARTHEST * self.way)
+        return [
+            _pulled(band, first, last, shifts[k] * side)
+            for k, (band, (_, first, last), side) in enumerate(lanes)
+            if found[k]
+        ]
 
     def is_nearly_clear(self, band: Array) -> bool:
         """Whether a band leads through no body, however thin, though it may cut corners: whether
@@ -278,8 +297,8 @@ def clear_bands(bodies: Bodies, base: Array) -> Iterator[Array]:
     """Bands that are clear of all bodies, from one that is not."""
     front, bent = [(base, bodies.hits(base[None])[0])], 0
     for _ in range(_DEPTH):
-        around = [bodies.bent(band, *hit) for band, hit in front if hit is not None]
-        candidates = list(chain.from_iterable(around))[: _WIDTH - bent]
+        around = bodies.bent([(band, hit) for band, hit in front if hit is not None])
+        candidates = around[: _WIDTH - bent]
         bent += len(candidates)
         if not candidates:
             return

@@ -56,9 +56,9 @@ CLOSE = Settings(barrier=0.01, closest=0.001)
 ALMOST = Settings(barrier=3e-4, closest=3e-4, iterations=12)
 """Barrier parameter and distance from the bounds where the interior-point method begins, from a
 guess that is far from a solution, near one, past bodies but perhaps far, one on this very mesh, or
-one but for limits that were moved, whose multipliers are known. A larger barrier is safer, a smaller one saves iterations. From
-the last one three iterations are usual, and after these twelve a motion that keeps its limits will
-do."""
+one but for limits that were moved, whose multipliers are known. A larger barrier is safer, a
+smaller one saves iterations. From the last one three iterations are usual, and after these twelve
+a motion that keeps its limits will do."""
 _FROM_FAR = (FAR, Settings(barrier=0.5, closest=0.6), Settings(barrier=3.0, closest=0.6))
 _FROM_NEAR = (NEAR, Settings(barrier=3.0, closest=0.6), FAR)
 _FOR_TRIAL = (TRIAL, Settings(barrier=3.0, closest=0.6), NEAR)

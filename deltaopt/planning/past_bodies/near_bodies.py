@@ -44,9 +44,14 @@ def with_those_hit(scene: Scene, part: Scene, position: PiecewisePolynomial) -> 
         return None
     absent = [i for i, body in enumerate(every) if not any(body is each for each in kept)]
     others = past_these(scene, absent)
-    hit = {absent[i] for i in _of_rows(others, rows_not_kept(problem_of(others), position))}
+    hit = {absent[i] for i in those_hit(others, position)}
     present = set(range(len(every))) - set(absent)
     return past_these(scene, present | hit) if hit else None
+
+
+def those_hit(scene: Scene, position: PiecewisePolynomial) -> Bodies:
+    """The bodies that a motion runs into."""
+    return _of_rows(scene, rows_not_kept(problem_of(scene), position))
 
 
 def past_these(scene: Scene, bodies: Collection[int]) -> Scene:

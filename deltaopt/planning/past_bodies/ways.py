@@ -23,7 +23,7 @@ from deltaopt.planning.first_motions.around_bodies import (
 )
 from deltaopt.planning.first_motions.bands import Bodies
 from deltaopt.planning.first_motions.moving_ends import end_of, from_state_to_state, start_of
-from deltaopt.planning.past_bodies.near_bodies import near, past_these, with_those_hit
+from deltaopt.planning.past_bodies.near_bodies import near, past_these, those_hit, with_those_hit
 from deltaopt.planning.plan import Plan, TakenWay, quicker
 from deltaopt.planning.refinement import Slower
 from deltaopt.scene.objective import Time
@@ -45,12 +45,10 @@ best: a method that moves away from all bounds first, as from a motion that may 
 the side of a thin body; at the bounds it hardly moves. Of 204 ways of 40 scenes 93 % were planned
 so, 83 % without, in half the time."""
 _FINER = (1, 2, 4)
-"""By what factors the first mesh is made finer until a plan past bodies succeeds: between the
-points of a coarse mesh a motion may lead through a thin body."""
-_TRIALS = ((1, True), (1, False), (2, True), (4, True))
-"""How many times finer than the first mesh a way is looked at until it is solved there, and whether
-its motion is taken as one near the best. A way on which none is solved is not known to be slow: it
-is planned too. Without that, two of fifty scenes missed a way that is faster by 5 % and 8 %."""
+"""By what factors the first mesh is made finer until a way is solved on it, and until a plan past
+bodies succeeds: between the points of a coarse mesh a motion may lead through a thin body. A way on
+which none is solved is not known to be slow: it is planned too. Without that, two of fifty scenes
+missed a way that is faster by 5 % and 8 %."""
 NEARLY = 1e-2
 """Gap above which a plan from rest to rest that misses its tolerance is far from an optimum, so
 that another one is made from a finer first mesh."""
@@ -84,12 +82,11 @@ def fastest_way(
         ways = [Way(attempt.motion, ())]
     if not ways:
         raise Infeasible(no_way(resting))
-    least = 0.0 if free is None else free.duration
     failures, found = list[DeltaOptError](), list[tuple[Plan, tuple[TakenWay, ...]]]()
     for factor in _FINER:
         finer = replace(attempt, intervals=factor * attempt.intervals)
         try:
-            found.append(_best_of(ways[:_MOST_WAYS], finer, planned, on_first_mesh, enough, least))
+            found.append(_best_of(ways[:_MOST_WAYS], finer, planned, on_first_mesh, enough, free))
         except ENDS_AN_ATTEMPT as error:
             failures.append(error)
             continue
@@ -120,13 +117,14 @@ def _best_of(
     planned: Planning,
     on_first_mesh: Callable[[Attempt], Trajectory],
     enough: float,
-    least: float,
+    free: Trajectory | None,
 ) -> tuple[Plan, tuple[TakenWay, ...]]:
     """The best plan past bodies of some ways on one first mesh: those that are fast there are
     planned."""
     scene, trials = attempt.scene, list[_Trial]()
+    least, hit = (free.duration, those_hit(scene, free.position)) if free else (0.0, frozenset())
     for way in ways:
-        trials.append(_Trial.along(way, attempt))
+        trials.append(_Trial.along(way, attempt, hit))
         if len(ways) > 1:
             trials[-1] = trials[-1].solved(scene, on_first_mesh)
         if trials[-1].is_solved and trials[-1].motion.duration <= _FAST * least:
@@ -190,9 +188,10 @@ class _Trial:
     is_solved: bool = False
 
     @classmethod
-    def along(cls, way: Way, attempt: Attempt) -> _Trial:
-        """The trial of a way, past the bodies that this comes near."""
-        bodies = near(attempt.scene, way.motion.position)
+    def along(cls, way: Way, attempt: Attempt, hit: frozenset[int]) -> _Trial:
+        """The trial of a way, past the bodies that this comes near, and those that are ``hit`` by
+        the fastest motion without bodies: without these most ways lead to that."""
+        bodies = near(attempt.scene, way.motion.position) | hit
         scene, name = past_these(attempt.scene, bodies), f"the way {way.name}"
         on_belt = isinstance(scene.task.goal, MovingPoint)  # which slowing would move
         motion = way.motion.slowed(1.0 if on_belt else _SLOWER)
@@ -219,21 +218,15 @@ class _Trial:
         two points tells nothing about its way, nor does one that is slower than that was found.
         """
         attempt = self.attempt
-        for factor, is_near in _TRIALS:
-            intervals = factor * self.attempt.intervals
-            attempt = replace(attempt, intervals=intervals, is_near=is_near)
+        for factor in _FINER:
+            attempt = replace(attempt, intervals=factor * self.attempt.intervals)
             attempt, motion = _on_mesh(scene, attempt, on_first_mesh)
             if motion is None or motion.duration > self.longest:
                 continue
-            if _is_on_its_side(attempt.scene, motion):
+            bodies, path = Bodies.along(attempt.scene, motion)
+            if bodies.is_nearly_clear(path):
                 return replace(self, attempt=attempt, motion=motion, is_solved=True)
         return replace(self, attempt=replace(self.attempt, scene=attempt.scene))
-
-
-def _is_on_its_side(scene: Scene, motion: Trajectory) -> bool:
-    """Whether a motion leads past bodies, though it may cut corners between points of a mesh."""
-    bodies, path = Bodies.along(scene, motion)
-    return bodies.is_nearly_clear(path)
 
 
 def _on_mesh(
