@@ -16,6 +16,8 @@ MOST, MOST_INTERVALS = 9999, 1000
 which is said, and a tenth of it for each interval by Ipopt: beyond, a plan takes hours."""
 LEAST_TOLERANCE = 1e-9
 """Least optimality gap that may be asked for: by less a verified motion may exceed its limits."""
+MOST_TOLERANCE = 1.0
+"""Largest one: a motion of twice the least duration says nothing of it."""
 RESOLVED_BELOW = 1e-4
 """Tolerance of the optimality gap below which the instants of switching become unknowns of their
 own. It trades the cost of switch resolution against that of fine meshes, which grows steeply as
@@ -33,6 +35,13 @@ def require_positive(name: str, value: object, least: float = 0.0) -> None:
         raise ValueError(f"{name} is {shown(value)}; it must be finite")
     if value < least:
         raise ValueError(f"{name} is {shown(value)}; it must be at least {least:g}")
+
+
+def require_tolerance(value: object) -> None:
+    """Raise TypeError or ValueError unless this may be the tolerance of a plan."""
+    require_positive("tolerance", value, LEAST_TOLERANCE)
+    if value > MOST_TOLERANCE:  # type: ignore[operator]  # numbers compare
+        raise ValueError(f"tolerance is {shown(value)}; it must be at most {MOST_TOLERANCE:g}")
 
 
 def require_whole(

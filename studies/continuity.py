@@ -173,15 +173,16 @@ class Row:
 
 def flips(cost: Array) -> list[int]:
     """After which problems of a line the cost jumps: it changes by more than ``FLIP`` beyond what
-    it changes in the steps beside, or there is a plan for one of two alone."""
+    it changes that way in the steps beside, or there is a plan for one of two alone. One problem
+    whose plan is longer than those beside it makes two."""
     with np.errstate(invalid="ignore"):
-        steps = np.abs(np.diff(np.log(cost)))
+        steps = np.diff(np.log(cost))
     usual = np.full(len(steps), np.inf)
     for k in range(len(steps)):
-        beside = [steps[i] for i in (k - 1, k + 1) if 0 <= i < len(steps)]
+        beside = [np.sign(steps[k]) * steps[i] for i in (k - 1, k + 1) if 0 <= i < len(steps)]
         usual[k] = _BESIDE * np.nanmax([0.0, *beside])
     ends = np.isfinite(cost[1:]) != np.isfinite(cost[:-1])
-    return np.flatnonzero(ends | (steps > usual + FLIP)).tolist()
+    return np.flatnonzero(ends | (np.abs(steps) > usual + FLIP)).tolist()
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

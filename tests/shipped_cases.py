@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from functools import cache
+from dataclasses import fields, replace
+from functools import cache, cached_property
 from pathlib import Path
 
 import deltaopt
 from deltaopt.compare.plans.cases import FiveBarTask, delta_case
+from deltaopt.planning.nlp.points import PointFunction
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 
@@ -17,3 +19,22 @@ def case(scene):
     if scene == "five_bar":
         return FiveBarTask().case
     return delta_case(scene, deltaopt.load_scene(PROBLEMS / f"{scene}.yaml"))
+
+
+class InterpretedPointFunction(PointFunction):
+    """A point function whose derivatives are not compiled."""
+
+    @cached_property
+    def derivatives(self):
+        return self.derived
+
+
+def interpreted(equations):
+    """The same equations with no point function compiled."""
+    own = {each.name: getattr(equations, each.name) for each in fields(equations)}
+    points = {
+        name: InterpretedPointFunction(value.name, value.function)
+        for name, value in own.items()
+        if isinstance(value, PointFunction)
+    }
+    return replace(equations, **points)

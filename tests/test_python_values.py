@@ -14,6 +14,7 @@ import pytest
 
 import deltaopt
 from deltaopt.cli import main
+from deltaopt.output.in_words import percent
 
 ROOT = Path(__file__).parents[1]
 SCENE = deltaopt.load_scene(ROOT / "problems/pick_and_place.yaml")
@@ -142,3 +143,58 @@ def test_every_error_that_a_docstring_names_can_be_caught():
                 named |= set(re.findall(r"\b[A-Z]\w+\b", sentence))
     assert {"Singular", "Infeasible", "ValueError", "UnreadablePlan"} <= named
     assert not {name for name in named if not hasattr(builtins, name)} - set(deltaopt.__all__)
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        (lambda: deltaopt.timed_line("x"), "scene is 'x'; it must be a Scene, such as load_scene"),
+        (lambda: deltaopt.Box((0, 0, 0), (1, 1, 1)), r"Box is given \(0, 0, 0\); it takes values"),
+        (lambda: deltaopt.Scene("robot.yaml"), "such as robot, payload, .*; load_scene and load_"),
+    ],
+)
+def test_what_is_no_scene_and_has_no_name_is_told_in_a_sentence(asked, told):
+    with pytest.raises(TypeError, match=told):
+        asked()
+
+
+def test_axes_are_those_of_matplotlib(picked):
+    with pytest.raises(
+        TypeError, match=r"^axes is 'x.png'; it must be an Axes of matplotlib; save"
+    ):
+        picked.plot("x.png")
+
+
+def test_what_is_shown_at_a_prompt_is_a_short_line(picked):
+    robot = deltaopt.load_robot(ROOT / "problems/robots/industrial_drive.yaml")
+    cycle = deltaopt.load_cycle(ROOT / "problems/cycles/there_and_back.yaml")
+    shown = {
+        "drive": robot.drive,
+        "limits": deltaopt.Limits(acceleration=40.0),
+        "planner": deltaopt.Planner(robot, payload=1.0),
+        "cycle": cycle,
+        "instants": picked.trajectory([0.0, 0.01]),
+        "instant": picked.trajectory(0.01),
+    }
+    lines = {name: repr(value) for name, value in shown.items()}
+    assert all(len(line) < 160 and "\n" not in line for line in lines.values()), lines
+    assert not [name for name, line in lines.items() if "None" in line]
+    assert lines["limits"] == "Limits(acceleration=40.0)"
+    assert "2 instants" in lines["instants"]
+    assert "t = 0.01 s" in lines["instant"]
+    assert deltaopt.Limits(acceleration=40.0) == eval(lines["limits"], vars(deltaopt))
+
+
+def test_a_tolerance_is_a_share():
+    with pytest.raises(ValueError, match=r"^tolerance is 5; it must be at most 1$"):
+        deltaopt.plan(SCENE, tolerance=5)
+    with pytest.raises(ValueError, match=r"^tolerance is 5; it must be at most 1$"):
+        deltaopt.plan_cycle(
+            deltaopt.load_cycle(ROOT / "problems/cycles/there_and_back.yaml"), tolerance=5
+        )
+    assert [percent(share) for share in (1.1, 0.234, 0.0123, 0.0)] == [
+        "110 %",
+        "23 %",
+        "1.2 %",
+        "0 %",
+    ]

@@ -12,20 +12,17 @@ from deltaopt.files.units import MASS, Misread
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
-from deltaopt.settings import LEAST_TOLERANCE, MOST, MOST_INTERVALS
+from deltaopt.settings import LEAST_TOLERANCE, MOST, MOST_INTERVALS, MOST_TOLERANCE
 
 
 class WrongUsage(Unusable):
     """An argument contradicts another one or asks for what no file can hold."""
 
 
-def add_json(parser: argparse.ArgumentParser) -> None:
-    """Add the option --json, for machines."""
-    parser.add_argument(
-        "--json",
-        action="store_true",
-        help="print one JSON object (of several scenes one a line) and no tables, SI units",
-    )
+def add_json(parser: argparse.ArgumentParser, of_several: str = "") -> None:
+    """Add the option --json, for machines; ``of_several``: what it prints of several files."""
+    words = f"print one JSON object{of_several} and no tables; SI units"
+    parser.add_argument("--json", action="store_true", help=words)
 
 
 def add_output(
@@ -84,8 +81,9 @@ def positive(text: str) -> float:
 
 def optimality_gap(text: str) -> float:
     """A tolerance of plans, for argparse."""
-    if positive(text) < LEAST_TOLERANCE:
-        raise argparse.ArgumentTypeError(f"{text!r} is less than {LEAST_TOLERANCE:g}")
+    if not LEAST_TOLERANCE <= positive(text) <= MOST_TOLERANCE:
+        expected = f"from {LEAST_TOLERANCE:g} to {MOST_TOLERANCE:g}, such as 0.01 for one per cent"
+        raise argparse.ArgumentTypeError(f"{text!r} is no share {expected}")
     return positive(text)
 
 

@@ -47,7 +47,7 @@ from deltaopt.files.tables import text_table
 from deltaopt.files.validated_record import PerMotor, per_motor
 from deltaopt.files.yaml_file import read_yaml
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters
-from deltaopt.output.in_words import duty_table
+from deltaopt.output.in_words import beyond, duty_table
 from deltaopt.planning.comparisons import timed_line
 from deltaopt.planning.effort_planning import fastest
 from deltaopt.planning.first_motions.initial_motion import baseline
@@ -135,13 +135,16 @@ def _verdict(scene: Scene) -> str:
     found.
     """
     check_feasible(scene)
-    tells_nothing = scene.via or scene.follows_path or scene.robot_keeps_clear
-    if not tells_nothing:
-        line = if_possible((EndMoves, *RULED_OUT), baseline, scene)
-        if line is not None:
-            return f"can be done: the straight line in {line.duration:.4g} s keeps all limits"
-    duration = plan(scene, tolerance=_ROUGH).duration
-    return f"can be done: a motion of {duration:.4g} s that was planned keeps all limits"
+    motion, what = None, "the straight line in {:.4g} s"
+    if not (scene.via or scene.follows_path or scene.robot_keeps_clear):
+        motion = if_possible((EndMoves, *RULED_OUT), baseline, scene)
+    if motion is None:
+        motion, what = (
+            plan(scene, tolerance=_ROUGH).trajectory,
+            "a motion of {:.4g} s that was planned",
+        )
+    told = f"can be done{beyond(MeasuredMotion.of(scene, motion).distances())}"
+    return f"{told}: {what.format(motion.duration)} keeps all limits"
 
 
 def _bodies(scene: Scene) -> Iterator[tuple[str, str]]:
@@ -310,7 +313,7 @@ def limits_table(scene: Scene) -> str:
                 limit.name,
                 limit.subject,
                 limit.unit,
-                _bounds(lower[own], upper[own]),
+                bounds_in_words(lower[own], upper[own]),
                 f"{limit.order} ({_ORDERS[limit.order]})",
                 "yes" if constraints.slowing_exponents[own].any() else "no",
                 "" if limit.promised else "a margin of the planner's, not verified",
@@ -319,7 +322,7 @@ def limits_table(scene: Scene) -> str:
     return "\n".join(text_table(rows))
 
 
-def _bounds(lower: Array, upper: Array) -> str:
+def bounds_in_words(lower: Array, upper: Array) -> str:
     """Bounds as text: ± 10, -1 to 1.5, at most 5, at least 0.01; several numbers if they differ."""
     used = np.isfinite(lower) | np.isfinite(upper)  # rows of fewer bodies than there may be
     lower, upper = lower[used], upper[used]

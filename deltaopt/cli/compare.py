@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _plans(arguments: argparse.Namespace) -> int:
     """Solve the scenes in every formulation, print tables and save charts."""
     from deltaopt.compare.plans.cases import FiveBarTask, delta_case
-    from deltaopt.compare.plans.report import answer, csv, tables, verdict
+    from deltaopt.compare.plans.report import answer, csv, tables
     from deltaopt.compare.plans.study import compare_plans
     from deltaopt.plots.plans import draw
 
@@ -64,7 +64,7 @@ def _plans(arguments: argparse.Namespace) -> int:
         (folder / "plans.csv").write_text(csv(study), encoding="utf-8", newline="\n")
         for case in cases:
             draw(study, case.name, folder / f"{case.name}.png")
-        print(answer(study), tables(study), verdict(study), sep="\n\n")
+        print(answer(study), tables(study), sep="\n\n")
         print(f"\n{study.seconds:.0f} s in all")
     return 0
 

@@ -23,6 +23,7 @@ from deltaopt.cli.arguments import (
     output_directory,
     positive,
 )
+from deltaopt.cli.check import bounds_in_words
 from deltaopt.cli.streams import new_files
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.trajectory import Trajectory
@@ -92,9 +93,10 @@ def _against_limits(scene: Scene, trajectory: Trajectory) -> str:
         share = curves.of_bounds
         instant, row = np.unravel_index(int(np.nanargmax(share)), share.shape)
         which = f" of {curves.limit.subject} {row + 1}" if share.shape[1] > 1 else ""
+        bounds = bounds_in_words(curves.lower[[row]], curves.upper[[row]])
         lines.append(
-            f"closest to its limit: {curves.limit.name}{which}, {share[instant, row]:.1%} of "
-            f"{curves.upper[row]:g} {curves.limit.unit} at "
-            f"t = {steps[instant] * trajectory.duration:.4f} s"
+            f"closest to its limit: {curves.limit.name}{which}, {curves.values[instant, row]:.4g} "
+            f"{curves.limit.unit} at t = {steps[instant] * trajectory.duration:.4f} s; it may be "
+            f"{bounds}"
         )
     return "\n".join(lines)

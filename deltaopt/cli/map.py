@@ -77,9 +77,10 @@ def _places_in_words(table: Any) -> str:
     best = table.loc[table["duration"].idxmin()]
     duration, x, y, z = best[["duration", *PLACE]]
     near = (table["duration"] <= _NEARLY * duration).sum()
+    white = ", white: cannot be done" if table["duration"].isna().any() else ""
     return (
         f"Fastest {x:.3g} m below the base at y = {y:.3g}, z = {z:.3g} m: {duration:.3f} s; "
-        f"at most 5 % slower at {near} of {len(table)} places, white: cannot be done"
+        f"at most 5 % slower at {near} of {len(table)} places{white}"
     )
 
 

@@ -15,7 +15,7 @@ verified by code that shares the robot's model with the planner but no method. D
 
 Several scenes are planned one after the other; each has a folder of its own. Where a scene's file
 has the key cycle, DIR receives trajectory.csv of a whole period, cycle.json, cycle.png, and a
-folder of each leg.
+folder of each leg, limits.png in it.
 
 Exit code: 0 done and verified; 1 a scene has no verified solution; 2 bad input.
 """
@@ -119,7 +119,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--report", action="store_true", help="write report.html: the robot moves on it"
     )
-    add_json(parser)
+    add_json(parser, " (of several scenes one a line)")
     parser.add_argument(
         "--details",
         action="store_true",
@@ -227,8 +227,7 @@ def _run(arguments: argparse.Namespace) -> int:
         free = ("baseline", "sensitivity")
         _refuse(arguments, free, "is for free paths; the scene gives its path")
     if any(isinstance(scene, Cycle) for scene in scenes):
-        single = ("baseline", "plot_limits")
-        _refuse(arguments, single, "is for single motions; a cycle does not have it")
+        _refuse(arguments, ("baseline",), "is for single motions; a cycle does not have it")
     codes = []
     for (file, directory), scene in zip(folders.items(), scenes, strict=True):
         if len(folders) > 1:
@@ -278,8 +277,7 @@ def _plan(
     _require_rows(trajectory, arguments.rate)
     facts = Facts(scene, trajectory, found, verify(scene, trajectory))
     before = present(directory)
-    drawn = _drawn(arguments) | {"limits": arguments.plot_limits}
-    files = save(directory, facts, arguments.rate, **drawn)
+    files = save(directory, facts, arguments.rate, **_drawn(arguments))
     if arguments.json:
         printed = {"scene": str(file), **summary(facts), "files": list(map(str, files))}
         print_json(printed | for_machines(_sensitivities(found, arguments)))
@@ -316,7 +314,8 @@ def _plan_cycle(file: Path, directory: Path, cycle: Cycle, arguments: argparse.N
 
 def _drawn(arguments: argparse.Namespace) -> dict[str, bool]:
     """What is drawn of plans and of cycles."""
-    return {"chart": not arguments.no_plot, "report": arguments.report}
+    plots = {"chart": not arguments.no_plot, "limits": arguments.plot_limits}
+    return plots | {"report": arguments.report}
 
 
 def _sensitivities(

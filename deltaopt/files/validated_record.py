@@ -7,7 +7,7 @@ unit and its range are written once, where the field is declared.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from functools import cached_property, lru_cache
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -43,6 +43,9 @@ LARGEST = 1e12
 """Largest size of a number in a record, in SI units: far beyond any robot, and its square and those
 of its products with others are still numbers."""
 
+_FEW = 4
+"""Names of fields that a sentence tells."""
+
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
 NonNegative = Annotated[Number, Field(ge=0)]
 Positive = Annotated[Number, Field(gt=0)]
@@ -77,6 +80,19 @@ class Record(BaseModel, metaclass=_Listed):
         parameters = signature(cls).parameters.values()
         plain = [each.replace(annotation=Parameter.empty) for each in parameters]
         cls.__signature__ = Signature(plain)
+
+    def __new__(cls, *given: object, **_: object) -> Self:
+        """Raise TypeError for values without names."""
+        if given:
+            files = "; load_scene and load_robot read files" * isinstance(given[0], str | Path)
+            told = f"{cls.__name__} is given {shown(given[0])}; it takes values by name, such as"
+            raise TypeError(f"{told} {', '.join(cls._keys()[:_FEW])}{files}")
+        return super().__new__(cls)
+
+    def __repr_args__(self) -> Iterator[tuple[str, Any]]:
+        """The fields that differ from what they are where they are not given."""
+        fields = type(self).model_fields
+        yield from ((name, value) for name, value in self if value != fields[name].default)
 
     @classmethod
     def from_content(cls, content: dict[str, object], file: Path) -> Self:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,17 +52,21 @@ class ActiveLimit:
     """When a quantity is at one of its bounds.
 
     ``limit``: the limit's name. ``subject``: "motor 2". ``spans``: in the order of time. ``share``:
-    of the motion's duration, 0 to 1.
+    of the motion's duration, 0 to 1. ``takes``: how long it takes by itself, s, of what sets the
+    duration and not a quantity of the motion: a fourth axis's rotation.
     """
 
     limit: str
     subject: str
     spans: tuple[Span, ...]
     share: float
+    takes: float | None = None
 
     @property
     def sentence(self) -> str:
         """Such as "motor 2's torque is at its limit 94 % of the time"."""
+        if self.takes is not None:
+            return f"the {self.limit} takes {self.takes:.4g} s by itself"
         several = self.subject[-1].isdigit()
         owner = self.subject if several else f"the {self.subject}"
         what = f"{owner}'s {self.limit}"
@@ -87,7 +91,8 @@ def share_curves(problem: Problem, trajectory: Trajectory, fractions: Array) -> 
 
 
 def active_limits(problem: Problem, trajectory: Trajectory) -> tuple[ActiveLimit, ...]:
-    """The limits that a motion is at for some of its time, those of most time first."""
+    """The limits that a motion is at for some of its time, those of most time first, and before
+    them a rotation that takes as long as the motion does."""
     cells = (np.arange(_STEPS) + 0.5) / _STEPS
     edges = np.arange(_STEPS + 1) / _STEPS
     lengths = np.diff(trajectory.knots)
@@ -100,7 +105,33 @@ def active_limits(problem: Problem, trajectory: Trajectory) -> tuple[ActiveLimit
         if spans:
             held = sum(span.end - span.begin for span in spans)
             found.append(ActiveLimit(curve.limit, curve.subject, spans, held / trajectory.duration))
-    return tuple(sorted(found, key=lambda each: -each.share))
+    found.sort(key=lambda each: -each.share)
+    return *_rotation(problem, trajectory), *found
+
+
+def shares_of_time(active: Iterable[ActiveLimit], duration: float) -> dict[str, float]:
+    """For what share of a motion's duration (s) any subject is at each limit, by the limit's
+    name."""
+    spans = dict[str, list[Span]]()
+    for each in active:
+        spans.setdefault(each.limit, []).extend(each.spans)
+    return {limit: _covered(of_any) / duration for limit, of_any in spans.items()}
+
+
+def _covered(spans: Iterable[Span]) -> float:
+    """How much time is in one span at least, s."""
+    covered, until = 0.0, -np.inf
+    for span in sorted(spans, key=lambda span: span.begin):
+        covered += max(0.0, span.end - max(span.begin, until))
+        until = max(until, span.end)
+    return covered
+
+
+def _rotation(problem: Problem, trajectory: Trajectory) -> Iterator[ActiveLimit]:
+    """That of a fourth axis, where it takes as long as the motion; nothing elsewhere."""
+    if problem.is_least_duration(trajectory.duration):
+        whole = Span(float(trajectory.knots[0]), float(trajectory.knots[-1]), upper=True)
+        yield ActiveLimit("rotation", "fourth axis", (whole,), 1.0, problem.least_duration)
 
 
 def _each(curves: LimitCurves) -> Iterator[tuple[str, Array]]:

@@ -19,6 +19,9 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.problem import Problem
 from deltaopt.robot.machine import Model
 
+_TINY = 1e-12
+"""Least size of a quantity that shares are of, in its unit."""
+
 
 @dataclass(frozen=True)
 class LimitCurves:
@@ -35,13 +38,17 @@ class LimitCurves:
 
     @property
     def of_bounds(self) -> Array:
-        """The values as shares of the nearer bound, (N, items), 1 at the bound, counted from the
-        middle between two bounds. A lower bound of 0 has no share."""
+        """The values as shares of the nearer bound, (N, items), 1 at the bound and more beyond it,
+        counted from the middle between two bounds. A single bound of 0 has no share and counts from
+        the value that is farthest from it."""
+        lower, upper, values = self.lower, self.upper, self.values
+        both, below = np.isfinite(lower) & np.isfinite(upper), np.isfinite(lower)
         with np.errstate(divide="ignore", invalid="ignore"):
-            middle, half = (self.lower + self.upper) / 2, (self.upper - self.lower) / 2
-            of_one = np.fmax(self.values / self.upper, self.values / self.lower)
-            both = np.isfinite(self.lower) & np.isfinite(self.upper)
-            return np.where(both, np.abs(self.values - middle) / half, of_one)
+            between = np.abs(values - (lower + upper) / 2) / ((upper - lower) / 2)
+        room = np.where(below, values - lower, upper - values)
+        bound = np.where(below, lower, upper)
+        size = np.where(bound > 0, bound, np.maximum(room.max(axis=0), _TINY))
+        return np.where(both, between, 1 - room / size)
 
 
 def limit_curves(

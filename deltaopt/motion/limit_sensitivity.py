@@ -13,7 +13,7 @@ and limits of other orders play no part, T ~ c^(-1/2) if the torques of all moto
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Protocol
@@ -22,7 +22,7 @@ import numpy as np
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.limits.scene_limits import SceneLimits
-from deltaopt.motion.active_limits import ActiveLimit
+from deltaopt.motion.active_limits import ActiveLimit, shares_of_time
 
 MORE = 0.1
 """Share by which words raise a limit: as much as the next size of a motor or gear may well give."""
@@ -121,22 +121,24 @@ def limits_in_words(
 
 
 def limits_at_a_glance(
-    active: Iterable[ActiveLimit], sensitivities: Iterable[LimitSensitivity]
+    active: Sequence[ActiveLimit], sensitivities: Iterable[LimitSensitivity], duration: float
 ) -> str:
-    """The limits that matter most in a line, each of all motors together: how much of the time one
-    of them is at it, and what more of it for all of them would save. Empty where no limit matters.
+    """The limits of a motion of some ``duration`` (s) that matter most in a line, each of all
+    motors together: how much of the time one of them is at it, and what more of it for all of them
+    would save. Empty where no limit matters.
     """
-    shares = {each.limit: each.share for each in sorted(active, key=lambda each: each.share)}
-    of_all = dict[str, LimitSensitivity]()
+    shares, of_all = shares_of_time(active, duration), dict[str, LimitSensitivity]()
     for known in sensitivities:
         before = of_all.get(known.limit, replace(known, exponent=0.0))
         of_all[known.limit] = replace(before, exponent=before.exponent + known.exponent)
     saved = {name: each.saved_by(MORE) for name, each in of_all.items()}
-    told = list[str]()
+    alone = {each.limit: each.takes for each in active if each.takes is not None}
+    told = [f"the {name}, which takes {takes:.3f} s" for name, takes in alone.items()]
     for name in sorted(shares, key=lambda name: (-saved.get(name, 0.0), -shares[name])):
         share, saving = shares[name], saved.get(name, 0.0)
         more = f", {100 * MORE:.0f} % more would save {100 * saving:.1f} %"
-        if max(share / _TOLD_SHARE, saving / _TOLD_SAVING) >= 1:
+        matters = max(share / _TOLD_SHARE, saving / _TOLD_SAVING) >= 1
+        if matters and name not in alone:
             more = more if saving >= _TOLD_SAVING else ""
             told.append(f"{name} ({100 * share:.0f} % of the time{more})")
     return ", ".join(told[:_AT_A_GLANCE])

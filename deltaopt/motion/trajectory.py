@@ -52,6 +52,10 @@ class Motion:
     tau: Array
     under_way: Trajectory | None = None
 
+    def __repr__(self) -> str:
+        when = f"{self.t.size} instants" if self.t.ndim else f"t = {self.t:.6g} s"
+        return f"<Motion at {when}: t, x, v, a, theta, dtheta, ddtheta, tau>"
+
     @property
     def first(self) -> Motion:
         """The first of its instants alone."""

@@ -1,4 +1,5 @@
-"""Keep-out bodies for pictures: points of which a body is the convex hull, and its edges."""
+"""What is about a path, for pictures: points of which a body is the convex hull, and its edges; the
+tube and the cylinders that a motion stays in."""
 
 from __future__ import annotations
 
@@ -9,11 +10,14 @@ from numpy.typing import NDArray
 
 from deltaopt.robot.tool import Box, Sphere
 from deltaopt.scene.bodies import Body, Cylinder, HalfSpace
+from deltaopt.scene.scene import Scene
 
 Array = NDArray[np.float64]
 
 _ROUND = 48
 """Points around a circle."""
+_ALONG_TUBE = 150
+"""Points of a tube's axis."""
 
 
 def corners_of(body: Body, far: float) -> Array:
@@ -52,6 +56,24 @@ def edges_of(body: Body, about: Array, far: float) -> list[Array]:
         nearest = about - ((about - shape.point) @ normal) * normal
         return [_disc(shape, nearest, far)[0]]
     return []
+
+
+def columns_of(scene: Scene) -> list[Body]:
+    """The cylinders of a scene's approach, about its start and its goal; none without."""
+    ends = zip(scene.given_points, scene.columns, strict=False)
+    shapes = [
+        {"from": end, "to": (column.level, *end[1:]), "radius": column.radius}
+        for end, column in ends
+    ]
+    return [Body.model_validate({"cylinder": shape}) for shape in shapes]
+
+
+def axis_points(scene: Scene) -> Array:
+    """Points along the axis of a scene's tube, (N, 3), m; none without."""
+    if scene.tube is None or scene.path is None:
+        return np.zeros((0, 3))
+    axis = scene.path.between(*scene.given_points)
+    return axis(np.linspace(axis.knots[0], axis.knots[-1], _ALONG_TUBE))
 
 
 def _rims(shape: Cylinder) -> list[Array]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from deltaopt.motion.certificate import MET
 from deltaopt.motion.limit_sensitivity import limits_at_a_glance
 from deltaopt.output.facts import Facts, StraightLine, above_nominal, motor_facts, title, together
 from deltaopt.planning.plan import Optimum, Plan, TakenWay
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingEnds
@@ -17,14 +18,19 @@ from deltaopt.verify.duty import Duty
 from deltaopt.verify.measures import Distance
 from deltaopt.verify.verification import Verification
 
+_WHOLE = 0.1
+"""Share from which whole per cents are told."""
+
 
 def told(facts: Facts) -> Iterator[str]:
     """The few lines that say what a motion is worth: whether it is verified, its duration, how near
     the best it is, what it saves, what limits it."""
     found = facts.found
     duration = facts.trajectory.duration
+    limits = limits_at_a_glance(facts.active, found.sensitivities, duration)
     back = "" if isinstance(facts.scene.task, MovingEnds) else " there and back"
     yield f"{verdict(facts.verification)}: {title(facts.scene.task, duration)}{back}"
+    yield from (_distance(each) for each in facts.verification.distances if each.least <= 0)
     if facts.too_warm:
         yield facts.too_warm
     if not isinstance(found, StraightLine):
@@ -33,16 +39,14 @@ def told(facts: Facts) -> Iterator[str]:
             yield found.searched
             yield _lower_bound(found.lower_bound, found.duration)
         yield from _comparison(facts, found)
-    limits = limits_at_a_glance(facts.active, found.sensitivities)
     yield f"limited by {limits}" if limits else "no limit is reached"
 
 
 def surprises(facts: Facts) -> list[str]:
     """Lines on what nobody asked for and everybody must know; ``details`` has them too."""
     found = facts.verification
-    passed = [_distance(each) for each in found.distances if each.least <= 0]
     unmet = [] if _is_optimal(found) else _optimality(found, facts.found.tolerance)
-    return [*filter(None, [above_nominal(found.duty)]), *_long(found), *passed, *unmet]
+    return [*filter(None, [above_nominal(found.duty)]), *_long(found), *unmet]
 
 
 def details(facts: Facts) -> Iterator[str]:
@@ -62,8 +66,18 @@ def details(facts: Facts) -> Iterator[str]:
 
 
 def verdict(found: Verification | CycleVerification) -> str:
-    """Whether a motion is verified."""
-    return "verified" if found.ok else "NOT VERIFIED"
+    """Whether a motion is verified, and what torques do not show of it."""
+    return f"{'verified' if found.ok else 'NOT VERIFIED'}{beyond(found.distances)}"
+
+
+def beyond(distances: Iterable[Distance]) -> str:
+    """The singularities that a motion is beyond at some instant, as the end of a verdict; empty
+    where there is none."""
+    names = dict.fromkeys(each.name for each in distances if each.least <= 0)
+    if not names:
+        return ""
+    which = " and the ".join(names)
+    return f", but beyond the {which}, where the motors do not hold the robot"
 
 
 def _gap(found: Plan) -> str:
@@ -74,7 +88,9 @@ def _gap(found: Plan) -> str:
         least, what = f"{objective}: {found.cost:.6g} {objective.unit}, ", "above the least"
     missed = "" if found.within_tolerance else f", not the {percent(found.tolerance)} asked for"
     ways, optima = len(found.ways), len(found.optima)
-    among = "" if found.scene.follows_path else "; a local optimum, others may be better"
+    is_least = problem_of(found.scene).is_least_duration(found.duration)
+    is_best = found.scene.follows_path or (is_least and isinstance(objective, Time))
+    among = "" if is_best else "; a local optimum, others may be better"
     if ways or optima > 1:
         what_of = f"{ways} ways past the bodies" if ways else f"{optima} local optima"
         among = f"; the best of {what_of} that were found"
@@ -99,8 +115,8 @@ def _comparison(facts: Facts, found: Plan) -> Iterator[str]:
 
 
 def percent(share: float) -> str:
-    """A share in per cent, to two digits."""
-    return f"{100 * share:.2g} %"
+    """A share in per cent, to two digits, of large ones to whole numbers."""
+    return f"{100 * share:.0f} %" if abs(share) >= _WHOLE else f"{100 * share:.2g} %"
 
 
 def _optima(scene: Scene, optima: Sequence[Optimum]) -> Iterator[str]:
@@ -186,8 +202,7 @@ def singularities_table(distances: Sequence[Distance]) -> list[str]:
     """Lines that say how near the motion comes to each kind of singularity.
 
     There is no bound on these distances. Torques, which are bounded, grow near a singularity, but
-    for the tilt of the platform, of which they know nothing: a motion beyond it is marked, and
-    ``limits.tilt_singularity`` keeps motions from it.
+    for the tilt of the platform, of which they know nothing: a motion beyond it is marked.
     """
     lines = [f"  {_distance(each)}" for each in distances]
     return ["least distance to singularities, 0 in one and 1 at best:", *lines] if lines else []
@@ -197,7 +212,7 @@ def _distance(each: Distance) -> str:
     """How near the motion comes to a kind of singularity."""
     where = f"at t = {each.t:.6f} s"
     where = where if each.subject == "robot" else f"{each.subject} {where}"
-    passed = ", PASSED: the motors do not hold the robot there" if each.least <= 0 else ""
+    passed = ", PASSED" if each.least <= 0 else ""
     return f"{each.name}: {each.formula} = {each.least:.2g}, {where}{passed}"
 
 

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from math import inf
 
 from deltaopt.errors import NO_PLAN, if_possible
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.path.path_over_bodies import rounded_path_over
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import plan
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.known_limits import LIMITS
 from deltaopt.scene.objective import Time
 from deltaopt.scene.path import Line
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
+from deltaopt.settings import require_type
 
 
 def timed_line(scene: Scene, tolerance: float = 1e-3) -> Plan:
@@ -30,6 +33,7 @@ def timed_line(scene: Scene, tolerance: float = 1e-3) -> Plan:
         >>> round(deltaopt.timed_line(scene).duration, 3)
         0.144
     """
+    require_type("scene", scene, Scene, "a Scene, such as load_scene returns")
     given_points(scene.task)
     on_line = {"path": Line(), "tube": None, "objective": Time()}
     return plan(without_rates(scene).model_copy(update=on_line), tolerance=tolerance)
@@ -54,8 +58,8 @@ def straight_lines(scene: Scene) -> dict[str, float]:
     rounded path over them, in a tube its middle.
 
     What no motion can have is left out; so are torques that jump where the scene does not let them.
-    None where the scene gives the path, via points or an approach, which these do not keep, or an
-    end moves.
+    None where one of them is as fast as a fourth axis turns, where the scene gives the path, via
+    points or an approach, which these do not keep, or an end moves.
     """
     if scene.via or scene.moves_at_ends or scene.approach or scene.follows_path:
         return {}
@@ -78,7 +82,9 @@ def straight_lines(scene: Scene) -> dict[str, float]:
         for name, duration in timed.items()
         if not name.endswith(jumps)
     }
-    return {name: duration for name, duration in found.items() if duration is not None}
+    durations = {name: duration for name, duration in found.items() if duration is not None}
+    quickest = min(durations.values(), default=inf)
+    return {} if problem_of(scene).is_least_duration(quickest) else durations
 
 
 def beside_free_path(found: Plan) -> Plan:

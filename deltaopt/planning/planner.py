@@ -32,11 +32,11 @@ from deltaopt.scene.objective import Objective, Time
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath
 from deltaopt.settings import (
-    LEAST_TOLERANCE,
     MOST,
     MOST_INTERVALS,
     RESOLVED_BELOW,
     require_positive,
+    require_tolerance,
     require_type,
     require_whole,
 )
@@ -141,7 +141,7 @@ class Planner:
     solver: Solver | None = None
 
     def __post_init__(self) -> None:
-        require_positive("tolerance", self.tolerance, LEAST_TOLERANCE)
+        require_tolerance(self.tolerance)
         require_whole("intervals", self.intervals, 2, "to stop again", MOST_INTERVALS)
         self._check_types()
         if self.solver and not isinstance(self.solver, self._optimiser.problem_formulation.solvers):
@@ -149,6 +149,10 @@ class Planner:
                 f"solver is {self.solver.name}, which solves the flat formulation only; "
                 f"{self._optimiser.problem_formulation.name} is solved by ipopt"
             )
+
+    def __repr__(self) -> str:
+        load = "no payload" if self.payload is None else f"{self.payload:g} kg"
+        return f"<Planner of {self.robot.name} with {load}, tolerance {self.tolerance:g}>"
 
     def _check_types(self) -> None:
         """Raise TypeError for a setting that is no value of its kind, such as its name."""

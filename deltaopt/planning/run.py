@@ -38,7 +38,7 @@ from deltaopt.planning.first_motions.around_bodies import (
     name_of_way,
 )
 from deltaopt.planning.first_motions.bands import Bodies
-from deltaopt.planning.first_motions.moving_ends import first_moving_motions, from_state_to_state
+from deltaopt.planning.first_motions.moving_ends import first_moving_motions
 from deltaopt.planning.first_motions.multistart import other_motions
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.first_motions.passages import paths_of_lines
@@ -50,7 +50,7 @@ from deltaopt.planning.links_clear import keeping_links_clear
 from deltaopt.planning.loop import Loop, or_raise
 from deltaopt.planning.on_path import plan_of, planned_on_path
 from deltaopt.planning.past_bodies.legs import plan_in_legs, proposed_in_legs
-from deltaopt.planning.past_bodies.ways import NEARLY, fastest_way
+from deltaopt.planning.past_bodies.ways import NEARLY, at_rest, fastest_way
 from deltaopt.planning.path.path_along import fastest_along, near_corners, through_corners
 from deltaopt.planning.plan import Plan, TakenWay, quicker
 from deltaopt.scene.feasibility import check_feasible
@@ -219,12 +219,12 @@ class Run(Loop):
 
     def _plan_moving(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
         """Plan the fastest motion where an end moves, from the first guess that leads to one."""
+        has_bodies = limits_of(scene).constraints.has_convex
         if scene.task.gates:
             found = self._past_or_through(scene, through_gates(scene))
         else:
-            found = self._moving_past_bodies(scene) or self._past_or_through(
-                scene, first_moving_motions(scene, under_way)
-            )
+            past = if_possible(NO_PLAN, self._past_bodies, scene, under_way) if has_bodies else None
+            found = past or self._past_or_through(scene, first_moving_motions(scene, under_way))
         found = self._onto_belt(scene, found)
         if under_way is None:
             return or_raise(found)
@@ -271,7 +271,7 @@ class Run(Loop):
 
     # Past bodies
 
-    def _past_bodies(self, scene: Scene) -> Plan:
+    def _past_bodies(self, scene: Scene, under_way: PiecewisePolynomial | None = None) -> Plan:
         """Plan past keep-out bodies: as if there were none, where that motion is clear of all;
         otherwise the best plan of the ways that are found, with all of these.
 
@@ -280,7 +280,7 @@ class Run(Loop):
         motion: Trajectory | None = None
         try:
             without = {"keep_out": None, "planned_links": ()}
-            free = self.by_merit(scene.model_copy(update=without))
+            free = self._in_the_open(scene.model_copy(update=without), under_way)
             motion = free.trajectory
             if is_clear(scene, motion):
                 return replace(free, scene=scene, ways=(TakenWay(CLEAR, free.duration, True),))
@@ -298,7 +298,9 @@ class Run(Loop):
 
         found, failure = list[Plan](), None
         try:
-            plan, ways = self._fastest_way(scene, first_motion(scene), motion, NEARLY)
+            first = first_motion(at_rest(scene, motion))
+            way = Attempt(scene, first, self.optimiser.intervals)
+            plan, ways = fastest_way(way, motion, self.only_from, self.on_first_mesh, self.good_gap)
             found.append(replace(plan, scene=scene, ways=ways))
         except ENDS_AN_ATTEMPT as error:
             failure = error
@@ -308,25 +310,11 @@ class Run(Loop):
             raise failure
         return min(found, key=_cost)
 
-    def _moving_past_bodies(self, scene: Scene) -> Plan | None:
-        """The best plan of the ways past keep-out bodies where an end moves; None where none is in
-        the way, or none leads to a plan."""
-        first = from_state_to_state(scene) if limits_of(scene).constraints.has_convex else None
-        if first is None or is_clear(scene, first):
-            return None
-        try:
-            found, taken = self._fastest_way(scene, first, None, self.good_gap)
-        except (Infeasible, *ENDS_AN_ATTEMPT) as error:  # other first motions may lead to a plan
-            self.journal.note(str(error))
-            return None
-        return replace(found, scene=scene, ways=taken)
-
-    def _fastest_way(
-        self, scene: Scene, first: Trajectory, free: Trajectory | None, enough: float
-    ) -> tuple[Plan, tuple[TakenWay, ...]]:
-        """The best plan of all ways past bodies from a first motion, and the ways."""
-        way = Attempt(scene, first, self.optimiser.intervals)
-        return fastest_way(way, free, self.only_from, self.on_first_mesh, enough)
+    def _in_the_open(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
+        """The plan of a scene without bodies. Raises what rules it out."""
+        if scene.task.is_at_rest:
+            return self.by_merit(scene)
+        return or_raise(self.until_good(scene, first_moving_motions(scene, under_way)))
 
     def _through_passages(self, scene: Scene) -> list[Plan]:
         """The plan along short paths of straight lines past bodies, where no mesh finds its way:
@@ -336,7 +324,9 @@ class Run(Loop):
         two of its points, and never come back. Where that is so from the best motion along these
         lines too, it is not known how much faster another one is: the gap is infinite.
         """
-        usual = isinstance(scene.objective, Time) and not scene.planned_links and scene.tube is None
+        usual = (
+            isinstance(scene.objective, Time) and not scene.planned_links and scene.task.is_at_rest
+        )
         usual = usual and isinstance(self.optimiser.problem_formulation, Flat)
         found = list[Plan]()
         for corners in islice(paths_of_lines(scene), _PATHS) if usual else ():

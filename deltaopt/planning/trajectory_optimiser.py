@@ -77,6 +77,9 @@ moves of three scenes, at 14 times not always)."""
 _FIRST_MESH_TOLERANCE = 1e-4
 """Tightest relative tolerance of the solver on the first mesh. Any tighter is wasted, for the
 discretisation error of a coarse mesh is far larger."""
+_TRIAL_TOLERANCE = 1e-2
+"""The same where no more is asked than how fast about a motion is. Of 320 ways past bodies durations
+were within 0.3 % for nine in ten, less than a coarse mesh tells."""
 
 
 class HeldByMotion(NotConverged):
@@ -111,7 +114,12 @@ class TrajectoryOptimiser:
 
     def on_first_mesh(self, attempt: Attempt) -> Trajectory:
         """The fastest motion on the first mesh alone, which may break limits between its points."""
-        guess = Guess(attempt.motion, attempt.is_near, self.accuracy, is_trial=True)
+        guess = Guess(
+            attempt.motion,
+            attempt.is_near,
+            max(self.accuracy, _TRIAL_TOLERANCE),
+            is_trial=True,
+        )
         extent = None if attempt.problem.is_at_rest else attempt.motion.extent
         scaling = Scaling(attempt.problem, attempt.motion.duration, extent=extent)
         program = self.program(scaling, fastest(attempt.problem))
@@ -134,13 +142,13 @@ class TrajectoryOptimiser:
     ) -> Plan:
         """The plan that meshes lead to from a guess and a first mesh."""
         begin, scene, problem = perf_counter(), attempt.scene, attempt.problem
-        moving, in_phases = not problem.is_at_rest, bool(problem.gates)
+        moving = not problem.is_at_rest
         is_fastest = not problem.objective.running
         refinement = Refinement(
             self.program(scaling, cost_to_minimise(scene.objective, scaling)),
             scaling,
             self.tolerance,
-            self._resolver(scaling, report) if is_fastest and not (moving or in_phases) else None,
+            self._resolver(scaling, report),
             report,
             attempt.most,
         )
@@ -202,11 +210,12 @@ class TrajectoryOptimiser:
         )
 
     def _resolver(self, scaling: Scaling, report: Progress) -> SwitchResolver | None:
-        """The method that resolves switches; None if the tolerance does not ask for it.
+        """The method that resolves switches; None if the tolerance does not ask for it, or the
+        problem's motions have no switches.
 
         It is imported here, so that plans to usual tolerances start faster.
         """
-        if self.tolerance >= self.resolved_below:
+        if self.tolerance >= self.resolved_below or not scaling.problem.may_switch:
             return None
         from deltaopt.planning.switching.resolver import resolver
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from matplotlib.axes import Axes
 from deltaopt.curves.piecewise import Array
 from deltaopt.output.cycle_files import headline_of_cycle
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
+from deltaopt.planning.plan import Plan
 from deltaopt.plots.colours import BLACK, GREY, LIGHT_GREY
 from deltaopt.plots.robot_view import View, view_of_move
 from deltaopt.plots.style import (
@@ -22,11 +24,16 @@ from deltaopt.plots.style import (
     verbatim,
     without_box,
 )
-from deltaopt.plots.surroundings import draw_bodies, draw_moving_ends, draw_via_points
+from deltaopt.plots.surroundings import Place, draw_bodies, draw_moving_ends, draw_via_points
 from deltaopt.scene.known_limits import limits_of
 
 _SAMPLES = 400
 """Of the path of a leg."""
+_NEAR_ENDS = 100
+"""Of these, how many at either end of a path have no number."""
+_DISCS = 8
+"""How many times as far as from other paths numbers are from each other: each covers some of its
+path."""
 _EACH = 4
 """Instants of torques between two knots."""
 _SIDES = {0.0: "above the start (mm)", np.pi / 2: "beside the start (mm)"}
@@ -38,16 +45,23 @@ def draw_cycle(file: Path, plan: CyclePlan) -> None:
     with figure(file, 7.2, 4.6) as page:
         page.suptitle(headline_of_cycle(plan), fontsize=LARGE)
         grid = page.add_gridspec(2, 2, height_ratios=[1.25, 1])
-        for column, (tilt, up) in enumerate(_SIDES.items()):
-            _paths(page.add_subplot(grid[0, column]), plan, tilt, up)
+        views = [_view(plan, tilt) for tilt in _SIDES]
+        places = [_apart([_path(leg, place) for leg in plan.legs]) for place in views]
+        widest = max(range(len(views)), key=lambda column: places[column][1])
+        for column, (place, (tilt, up)) in enumerate(zip(views, _SIDES.items(), strict=True)):
+            axes = page.add_subplot(grid[0, column])
+            _paths(axes, plan, place, up)
+            axes.set_title("side view: loaded solid, empty dashed" if tilt == 0 else "from above")
+            if column == widest:
+                _number(axes, places[column][0])
         _torques(page.add_subplot(grid[1, :]), plan)
         robot = plan.legs[0].scene.robot
         caption = f"{robot.name}; legs are numbered, the robot dwells where it is shaded"
         page.supxlabel(verbatim(caption), fontsize=SMALL, color=GREY)
 
 
-def _paths(axes: Axes, plan: CyclePlan, tilt: float, up: str) -> None:
-    """Draw the paths of all legs, seen with the two ends that are farthest apart side by side."""
+def _view(plan: CyclePlan, tilt: float) -> Place:
+    """Places in a view, mm, with the two ends of legs that are farthest apart side by side."""
     ends = [leg.trajectory(leg.trajectory.knots[[0]]).x[0] for leg in plan.legs]
     start, goal = max(combinations(ends, 2), key=lambda two: float(np.linalg.norm(two[1] - two[0])))
     view = View(view_of_move(start, goal, aside=0.0).turn, tilt)
@@ -55,14 +69,44 @@ def _paths(axes: Axes, plan: CyclePlan, tilt: float, up: str) -> None:
     def place(points: Array) -> Array:
         return 1e3 * (view(points) - view(start))
 
-    for number, leg in enumerate(plan.legs, 1):
-        path = place(leg.trajectory(leg.trajectory.instants(_SAMPLES)).x)
+    return place
+
+
+def _path(leg: Plan, place: Place) -> Array:
+    """Places along the path of a leg, (N, 2), mm."""
+    return place(leg.trajectory(leg.trajectory.instants(_SAMPLES)).x)
+
+
+def _apart(paths: Sequence[Array]) -> tuple[list[Array], float]:
+    """A place on each path, (2,), not near its ends, where paths meet, that is as far from other
+    paths as any, and ``_DISCS`` times as far from the places on those before it; and the least of
+    these distances, mm."""
+    places, least = list[Array](), np.inf
+    for number, path in enumerate(paths):
+        inner = path[_NEAR_ENDS:-_NEAR_ENDS]
+        others = [*paths[:number], *paths[number + 1 :]]
+        away = [np.linalg.norm(inner[:, None] - each, axis=2).min(axis=1) for each in others]
+        away += [np.linalg.norm(inner - each, axis=1) / _DISCS for each in places]
+        room = np.min(away, axis=0)
+        places.append(inner[room.argmax()])
+        least = min(least, float(room.max()))
+    return places, least
+
+
+def _number(axes: Axes, places: Sequence[Array]) -> None:
+    """Write the number of each leg into its path."""
+    disc = {"boxstyle": "circle,pad=0.1", "facecolor": "white", "edgecolor": "none"}
+    for number, (across, up) in enumerate(places, 1):
+        axes.annotate(f"{number}", (across, up), ha="center", va="center", bbox=disc, zorder=5)
+
+
+def _paths(axes: Axes, plan: CyclePlan, place: Place, up: str) -> None:
+    """Draw the paths of all legs, and what is about them."""
+    for leg in plan.legs:
+        path = _path(leg, place)
         style = "-" if leg.scene.payload else "--"
         axes.plot(*path.T, style, color=BLACK, linewidth=1.2, zorder=4)
         axes.plot(*path[0], "o", color=BLACK, markersize=3.5, zorder=4)
-        outwards = path if number % 2 else path[::-1]  # numbers of ways back stand beside those
-        at = outwards[_SAMPLES * number // (len(plan.legs) + 1)]
-        axes.annotate(f"{number}", at, (0, 4), textcoords="offset points", ha="center")
         draw_via_points(axes, leg.scene, place)
         draw_moving_ends(axes, leg.scene, leg.trajectory, place)
     axes.set_aspect("equal", adjustable="datalim")
@@ -75,7 +119,6 @@ def _paths(axes: Axes, plan: CyclePlan, tilt: float, up: str) -> None:
     axes.set_xlabel("along (mm)")
     axes.set_ylabel(up)
     without_box(axes)
-    axes.set_title("side view: loaded solid, empty dashed" if tilt == 0 else "from above")
 
 
 def _torques(axes: Axes, plan: CyclePlan) -> None:
@@ -98,8 +141,8 @@ def _torques(axes: Axes, plan: CyclePlan) -> None:
     for number, (arrives, leaves) in enumerate(zip(ends[::2], ends[1::2], strict=True)):
         axes.axvspan(arrives, leaves, color=LIGHT_GREY, alpha=0.5, linewidth=0, zorder=0)
         begins = 0.0 if number == 0 else ends[2 * number - 1]
-        axes.annotate(f"{number + 1}", ((begins + arrives) / 2, 88), ha="center", color=GREY)
-    axes.set_ylim(-105, 105)
+        axes.annotate(f"{number + 1}", ((begins + arrives) / 2, 106), ha="center", color=GREY)
+    axes.set_ylim(-105, 128)  # numbers stand above all torques
     axes.set_xlabel("time (ms)")
     axes.set_ylabel("% of the limit")
     axes.set_title(told)

@@ -6,6 +6,8 @@ motor and how constant the Hamiltonian is.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from itertools import cycle, islice
 from pathlib import Path
 from textwrap import fill
 from typing import Any
@@ -15,15 +17,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from deltaopt.curves.piecewise import Array
+from deltaopt.limits.limit import OwnMeasure
 from deltaopt.motion.certificate import MET
 from deltaopt.motion.limit_curves import LimitCurves, limit_curves
 from deltaopt.motion.trajectory import Trajectory, ends_of
 from deltaopt.output.facts import Facts, together
-from deltaopt.plots.colours import COLOURS, GREY
-from deltaopt.plots.style import SMALL, figure, motor_curves, without_box
+from deltaopt.plots.colours import BLACK, COLOURS, GREY, LIGHT_GREY, LINE_COLOURS
+from deltaopt.plots.style import SMALL, STROKES, figure, motor_curves, without_box
 from deltaopt.plots.surroundings import draw_bodies
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
+from deltaopt.settings import require_type
 from deltaopt.verify.duty import exceeding
 from deltaopt.verify.pontryagin import Extremal, extremal
 from deltaopt.verify.verification import Verification
@@ -32,8 +36,12 @@ _TICKS = 10
 """Parts of equal time that dots divide the path into."""
 _LIMIT = "limit"
 """Label of the bounds in the legend."""
-_LINE = 115
-"""Letters of a line of the caption."""
+_LINE, _LABEL = 130, 22
+"""Letters of a line of the caption, and of the label beside a panel, which is as tall."""
+_NAMED = 8
+"""Curves of a panel that are named: those that come nearest to their bound."""
+_LIKE_MOTORS = ("motor", "chain")
+"""What a limit is of where it has a number for each motor."""
 _SAMPLES = 2000
 """Samples of each curve over all intervals, about the pixels of a panel's width."""
 
@@ -55,8 +63,8 @@ def draw_limits(file: Path, facts: Facts) -> None:
         grid = page.add_gridspec(rows, 2, width_ratios=[1.7, 1])
         left = [page.add_subplot(grid[0, 0])]
         left += [page.add_subplot(grid[i, 0], sharex=left[0]) for i in range(1, panels)]
-        for axes, each in zip(left, curves, strict=False):
-            _limit(axes, motion.t, each)
+        for axes, each, names in zip(left, curves, _names(scene, curves), strict=False):
+            _limit(axes, motion.t, each, names)
         left[0].set_title(facts.active[0].sentence if facts.active else "no limit is reached")
         if len(curves) < panels:  # there is room to show how fast the motors turn
             left[-1].set_ylabel(r"motor speed $\dot\theta_k$ (rad/s)")
@@ -110,30 +118,60 @@ def caption(verification: Verification) -> str:
 def plot_limit(scene: Scene, trajectory: Trajectory, limit: str, axes: Axes | None) -> Axes:
     """Draw a limited quantity over time and its bounds on one's own axes, or on new ones.
 
-    Raises ValueError if the scene has no limit of this name.
+    Raises ValueError if the scene has no limit of this name, TypeError for what is no axes.
     """
+    if axes is not None:
+        require_type("axes", axes, Axes, "an Axes of matplotlib; save() writes pictures")
     inside = np.linspace(0, 1, max(2, _SAMPLES // (len(trajectory.knots) - 1)))
-    found = {each.limit.name: each for each in limit_curves(problem_of(scene), trajectory, inside)}
+    curves = list(limit_curves(problem_of(scene), trajectory, inside))
+    named = zip(curves, _names(scene, curves), strict=True)
+    found = {each.limit.name: (each, names) for each, names in named}
     if limit not in found:
         raise ValueError(f"limit is {limit!r}; the scene has {', '.join(found)}")
     drawn = Figure(layout="constrained").add_subplot() if axes is None else axes
-    _limit(drawn, trajectory.inside_intervals(inside).t, found[limit])
+    _limit(drawn, trajectory.inside_intervals(inside).t, *found[limit])
     drawn.set_xlabel(r"time $t$ (s)")
     return drawn
 
 
-def _limit(axes: Axes, t: Array, curves: LimitCurves) -> None:
-    """Draw a limited quantity over time, and its bounds."""
-    axes.set_ylabel(f"{curves.limit.name} ({curves.limit.unit})")
-    if curves.values.shape[1] == len(COLOURS):
+def _names(scene: Scene, curves: Sequence[LimitCurves]) -> Iterator[list[str]]:
+    """What each column of every limit is of: a body of those that the tool keeps clear of, or a
+    motor, a chain, and so on."""
+    bodies = ((scene.keep_out or ())[index].named(index) for index, _ in scene.obstacles)
+    for each in curves:
+        columns = each.values.shape[1]
+        if each.limit.own_measure is OwnMeasure.CLEARANCE:
+            yield list(islice(bodies, columns))
+        else:
+            yield [f"{each.limit.subject} {k + 1}" for k in range(columns)]
+
+
+def _limit(axes: Axes, t: Array, curves: LimitCurves, names: Sequence[str]) -> None:
+    """Draw a limited quantity over time, and its bounds; ``names``: of its columns."""
+    axes.set_ylabel(fill(f"{curves.limit.name} ({curves.limit.unit})", _LABEL))
+    if curves.limit.subject in _LIKE_MOTORS and len(names) == len(COLOURS):
         motor_curves(axes, t, curves.values)
     else:
-        axes.plot(t, curves.values, "-", color="black")
-        without_box(axes)
+        _named_curves(axes, t, curves, names)
     _limit_lines(axes, curves.lower)
     _limit_lines(axes, curves.upper)
     if curves.limit.order > 0:
         axes.axhline(0.0, linewidth=0.0)  # zero at rest belongs to the scale of a rate
+
+
+def _named_curves(axes: Axes, t: Array, curves: LimitCurves, names: Sequence[str]) -> None:
+    """Draw the columns of a limit, and name those that come nearest to their bound where there are
+    several."""
+    others = LINE_COLOURS[len(COLOURS) :] if len(names) > 1 else (BLACK,)  # than those of motors
+    room = np.minimum(curves.values - curves.lower, curves.upper - curves.values)
+    nearest = room.min(axis=0).argsort()
+    for k, colour, stroke in zip(nearest[:_NAMED], cycle(others), cycle(STROKES), strict=False):
+        axes.plot(t, curves.values[:, k], color=colour, linestyle=stroke, label=names[k])
+    axes.plot(t, curves.values[:, nearest[_NAMED:]], color=LIGHT_GREY, zorder=1)
+    if len(names) > 1:
+        axes.legend(fontsize=SMALL)
+    axes.set_xlim(t[0], t[-1])
+    without_box(axes)
 
 
 def _switching(axes: Axes, extremal: Extremal) -> None:

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.patheffects import Normal, Stroke
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.motion.active_limits import AT_LIMIT
+from deltaopt.motion.active_limits import active_limits, shares_of_time
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.trajectory import Trajectory, ends_of
 from deltaopt.output.facts import assumption, title
@@ -181,8 +181,8 @@ def _torques(axes: Axes, scene: Scene, trajectory: Trajectory, duty: Duty | None
     motor_curves(axes, t, percent)
     if duty is not None:
         _name_rms(axes, duty, curves.upper)
-    at_limit = np.abs(percent).max(axis=1) >= 100 * AT_LIMIT
-    share = np.sum(np.diff(t)[at_limit[1:] & at_limit[:-1]]) / t[-1]
+    active = active_limits(problem_of(scene), trajectory)
+    share = shares_of_time(active, trajectory.duration).get(_TORQUE, 0.0)
     axes.set_title(f"torques: one is at its limit {100 * share:.0f} % of the time")
     axes.set_ylim(-105, 105)
     axes.set_yticks([-100, -50, 0, 50, 100])

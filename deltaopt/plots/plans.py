@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import isfinite
 from pathlib import Path
 
-from deltaopt.compare.plans.report import FORMULATIONS, compiled_modes
+from deltaopt.compare.plans.report import FORMULATIONS
 from deltaopt.compare.plans.study import Method, PlanStudy, Row
 from deltaopt.plots.colours import BLACK, BLUE, ORANGE, VERMILION
 from deltaopt.plots.style import figure, name_lines, without_box
@@ -25,9 +25,8 @@ FLOOR = 1e-16
 
 def draw(study: PlanStudy, case: str, path: Path) -> None:
     """Draw one case and save the chart as PNG: gap against time of the best method of each
-    formulation, in machine code if it was; failures as crosses at the upper edge."""
-    mode = compiled_modes(study)[-1]
-    rows = [row for row in study.rows if row.case == case and row.compiled == mode]
+    formulation; failures as crosses at the upper edge."""
+    rows = [row for row in study.rows if row.case == case]
     with figure(path, 5.6, 3.4) as page:
         axes = page.subplots()
         for method in best_of_each(rows):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -31,6 +32,8 @@ LARGE, SMALL = 11, 6.5
 
 _LETTERS = 11
 """Of a title in an inch."""
+_UNIT = re.compile(r"(?<=\d) (?=(?:%|s|m|mm|kg)(?!\w))|(?<==) (?=\S)")
+"""The space between a number and its unit, or between = and a number: no line ends there."""
 _DOTS = 200
 """Per inch: a page as wide as a screen."""
 _SHADES = 128
@@ -75,7 +78,7 @@ def figure(file: Path, width: float, height: float, message: str = "") -> Iterat
     with _DRAWING, mpl.rc_context(_STYLE), atomic_write(file) as temporary:
         drawn = Figure(figsize=(width, height), dpi=_DOTS, layout="constrained")
         if message:
-            title = fill(verbatim(message), int(_LETTERS * width))
+            title = fill(_UNIT.sub("\N{NO-BREAK SPACE}", verbatim(message)), int(_LETTERS * width))
             drawn.suptitle(title, x=0.01, ha="left", fontsize=LARGE)
         yield drawn
         with catch_warnings():

@@ -3,7 +3,7 @@ pass, belts to meet."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, Patch, Polygon
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.body_outlines import corners_of, edges_of
+from deltaopt.output.body_outlines import axis_points, columns_of, corners_of, edges_of
 from deltaopt.plots.colours import BLACK, GREY, LIGHT_BLUE, LIGHT_GREY, ORANGE
 from deltaopt.scene.bodies import Body
 from deltaopt.scene.scene import Scene
@@ -25,8 +25,6 @@ _BESIDE = 0.5
 """Of the path's extent, how far beside it bodies are shown."""
 _FAR = 3.0
 """How far a half-space is drawn, m: beyond all that a picture shows."""
-_ALONG_TUBE = 150
-"""Circles that a tube is drawn with."""
 
 
 def draw_surroundings(axes: Axes, scene: Scene, trajectory: Trajectory, place: Place) -> None:
@@ -79,22 +77,11 @@ def draw_bodies_near(axes: Axes, scene: Scene, path: Array, place: Place) -> Non
 def draw_allowed(axes: Axes, scene: Scene, place: Place) -> None:
     """Draw the tube and the cylinders that a scene's motion stays in."""
     shapes: list[Patch] = [
-        Polygon(_hull(place(corners_of(column, _FAR)))) for column in _cylinders(scene)
+        Polygon(_hull(place(corners_of(column, _FAR)))) for column in columns_of(scene)
     ]
-    if scene.tube is not None and scene.path is not None:
-        axis = scene.path.between(*scene.given_points)
-        begin, end = axis.knots[[0, -1]].tolist()
-        centres = place(axis(np.linspace(begin, end, _ALONG_TUBE)))
-        radius = _radius(scene.tube, place)
-        shapes += [Circle((x, y), radius) for x, y in centres.tolist()]
+    radius = _radius(scene.tube or 0.0, place)
+    shapes += [Circle((x, y), radius) for x, y in place(axis_points(scene)).tolist()]
     axes.add_collection(PatchCollection(shapes, color=LIGHT_BLUE, linewidth=0.0, zorder=0.5))
-
-
-def _cylinders(scene: Scene) -> Iterator[Body]:
-    """Those of a scene's approach, each from its end upwards."""
-    for end, column in zip(scene.given_points, scene.columns, strict=False):
-        shape = {"from": end, "to": (column.level, *end[1:]), "radius": column.radius}
-        yield Body.model_validate({"cylinder": shape})
 
 
 def draw_via_points(axes: Axes, scene: Scene, place: Place) -> None:

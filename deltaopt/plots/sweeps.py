@@ -16,8 +16,8 @@ from deltaopt.sweeps.points import FACTS
 
 _WIDTH, _HEIGHT, _PANEL = 3.2, 2.7, 2.0
 """Of a chart, and of a place seen from above, inches."""
-_LEVELS = 7
-"""Lines of equal value."""
+_LEVELS, _LETTERS = 7, 13
+"""Lines of equal value, and letters of the label of a bar of colours, which may be an inch long."""
 _ALONE = 0.05
 """Half of the size of a cell where there is one place alone, in its unit."""
 _PALETTE = (*COLOURS, *OF_LIMITS)
@@ -84,7 +84,7 @@ def draw_map(file: Path, title: str, table: Any, names: Sequence[str]) -> None:
                     axes.set_title(f"{depth:.3g} m below the base")
                 if name == names[0] and depth == best["place.x"]:
                     axes.plot(best["place.y"], best["place.z"], "*", color=BLACK, markersize=11)
-            drawn.colorbar(shown, ax=list(row), label=_label(name), pad=0.01)
+            drawn.colorbar(shown, ax=list(row), label=fill(_label(name), _LETTERS), pad=0.01)
             row[0].set_ylabel("z (m)")
         for axes in panels[-1]:
             axes.set_xlabel("y (m)")

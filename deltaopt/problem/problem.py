@@ -16,6 +16,9 @@ from deltaopt.problem.boundary import Boundary
 from deltaopt.robot.machine import Machine, Model
 from deltaopt.robot.model import model_of
 
+_ROUNDING = 1e-9
+"""Relative difference of two durations that are the same but for rounding."""
+
 
 @dataclass(frozen=True)
 class Objective:
@@ -82,6 +85,17 @@ class Problem:
         """Whether a motion that exceeds a limit may be slowed until it keeps it, at no other cost
         than time."""
         return self.is_at_rest and not self.objective.running
+
+    @property
+    def may_switch(self) -> bool:
+        """Whether the fastest motion is one of arcs that hold limits, from rest to rest, at whose
+        ends torques jump: not where their rates are limited, nor in several phases."""
+        jumps = self.limits.constraints.order < 3
+        return jumps and self.may_be_slowed and not self.gates
+
+    def is_least_duration(self, duration: float) -> bool:
+        """Whether a motion of this duration, s, is as fast as any, whatever its limits are."""
+        return duration <= self.least_duration * (1 + _ROUNDING)
 
     @property
     def distance(self) -> float:

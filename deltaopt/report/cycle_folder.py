@@ -20,19 +20,21 @@ def save_cycle(
     rate: float = RATE,
     *,
     chart: bool = True,
+    limits: bool = False,
     report: bool = False,
 ) -> list[Path]:
     """Write the files of a planned cycle into a directory, made if need be; return their paths.
 
     Each leg has a folder there, as a plan of its own has, from which all commands on plans work.
-    ``rate``: instants per second in tables, Hz. ``chart``: whether cycle.png is drawn.
+    ``rate``: instants per second in tables, Hz. ``chart``: whether cycle.png is drawn. ``limits``:
+    whether every leg's folder has limits.png.
     ``report``: whether report.html is written. Raises OSError, naming the file, if one cannot be
     written.
     """
     legs = list[Path]()
     for index, (leg, measures) in enumerate(zip(plan.legs, verification.legs, strict=True)):
         facts = Facts(leg.scene, leg.trajectory, leg, measures)
-        legs += save(directory / folder_of(index), facts, rate, chart=False)
+        legs += save(directory / folder_of(index), facts, rate, chart=False, limits=limits)
     written = [TABLE, RECORD]
     with all_or_none(directory) as folder:
         write_cycle(folder / TABLE, plan, rate)

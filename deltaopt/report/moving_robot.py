@@ -13,10 +13,9 @@ from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.motion.active_limits import ActiveLimit, share_curves
 from deltaopt.motion.motion_sequence import MotionSequence
 from deltaopt.motion.trajectory import Trajectory, ends_of
-from deltaopt.output.body_outlines import corners_of, edges_of
+from deltaopt.output.body_outlines import axis_points, columns_of, corners_of, edges_of
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.robot import Robot, as_delta
-from deltaopt.scene.bodies import Body
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingPoint
 from deltaopt.verify.clearance import distance_from, link_distances
@@ -113,20 +112,27 @@ def drawing(parts: Sequence[Moving]) -> dict[str, object]:
 
 
 def bodies(scene: Scene) -> list[dict[str, object]]:
-    """The keep-out bodies, lengths in m: of a sphere its ``centre`` and ``radius``; of others the
-    ``corners`` of which they are the convex hull, none for a half-space, and ``edges``, lines."""
+    """The keep-out bodies and, where ``stay`` says so, the cylinders and the tube that the motion
+    stays in. Lengths in m: of a sphere its ``centre`` and ``radius``, of a tube the points of its
+    ``axis`` and its ``radius``; of others the ``corners`` of which they are the convex hull, none
+    for a half-space, and ``edges``, lines."""
     found: list[dict[str, object]] = []
-    reach = _DISC * scene.robot.reach
-    about = np.array(scene.task.start.position)
-    for index, body in enumerate(scene.keep_out or ()):
-        name = _name_of(index, body)
+    reach, about = _DISC * scene.robot.reach, np.array(scene.task.start.position)
+    named = [(body.named(index), body) for index, body in enumerate(scene.keep_out or ())]
+    kept_out = len(named)
+    named += zip(("approach of the start", "approach of the goal"), columns_of(scene), strict=False)
+    for index, (name, body) in enumerate(named):
+        outline: dict[str, object]
         if body.sphere is not None:
-            ball = {"centre": list(body.sphere.centre), "radius": body.sphere.radius}
-            found.append({"name": name, **ball})
-            continue
-        edges = [_rounded(edge, 6) for edge in edges_of(body, about, reach)]
-        corners = [] if body.half_space else _rounded(corners_of(body, reach), 6)
-        found.append({"name": name, "corners": corners, "edges": edges})
+            outline = {"centre": list(body.sphere.centre), "radius": body.sphere.radius}
+        else:
+            corners = [] if body.half_space else _rounded(corners_of(body, reach), 6)
+            edges = [_rounded(edge, 6) for edge in edges_of(body, about, reach)]
+            outline = {"corners": corners, "edges": edges}
+        found.append({"name": name, "stay": index >= kept_out, **outline})
+    if scene.tube is not None:
+        axis = _rounded(axis_points(scene), 6)
+        found.append({"name": "tube", "stay": True, "axis": axis, "radius": scene.tube})
     return found
 
 
@@ -134,7 +140,7 @@ def clearances(scene: Scene, trajectory: Trajectory, inside: Array) -> dict[str,
     """Distances, m, at fractions of every interval, (K n,), from each keep-out body of what keeps
     clear of it: the tool, and where the scene says so arms and forearms."""
     motion, found = trajectory.inside_intervals(inside), dict[str, Array]()
-    names = [_name_of(index, body) for index, body in enumerate(scene.keep_out or ())]
+    names = [body.named(index) for index, body in enumerate(scene.keep_out or ())]
     for index, grown in scene.obstacles:
         distance, _ = distance_from(grown, motion.x)
         found[names[index]] = np.minimum(found.get(names[index], np.inf), distance)
@@ -142,10 +148,6 @@ def clearances(scene: Scene, trajectory: Trajectory, inside: Array) -> dict[str,
         links = link_distances(scene, motion.x, motion.theta).min(axis=1)
         found = {name: np.minimum(found[name], of) for name, of in zip(names, links.T, strict=True)}
     return found
-
-
-def _name_of(index: int, body: Body) -> str:
-    return f"keep_out[{index}], a {body.kind}"
 
 
 def _belts(part: Moving) -> list[list[list[float]]]:

@@ -20,6 +20,7 @@ from deltaopt.files.tables import html_table
 from deltaopt.motion.active_limits import active_limits
 from deltaopt.output.cycle_files import told_of_cycle
 from deltaopt.output.facts import Facts, StraightLine, motor_facts, title, together
+from deltaopt.output.in_words import beyond, percent
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.first_motions.around_bodies import CLEAR
 from deltaopt.planning.plan import Plan, TakenWay
@@ -121,7 +122,7 @@ def _limits(facts: Facts) -> list[str]:
     ]
 
 
-_VERIFIED = "Verified by code that the planner does not use: every limit is kept at every instant."
+_VERIFIED = "Verified by code that the planner does not use: every limit is kept at every instant"
 _PICKS = """ The parts per minute
 count the way there and one as long back, and no time for gripping."""
 
@@ -136,7 +137,7 @@ def _head(facts: Facts) -> str:
         "This motion was not optimised: it is the straight line, as fast as the limits permit by "
         "a quintic law."
         if gap is None
-        else f"Estimated to be at most {_percent(gap)} above the best for its objective, "
+        else f"Estimated to be at most {percent(gap)} above the best for its objective, "
         f"{scene.objective}, "
         + (
             f"among motions near it. {_other_ways(facts.found)}"
@@ -155,7 +156,8 @@ def _head(facts: Facts) -> str:
 
 def _verdict(verification: Verification | CycleVerification) -> str:
     if verification.ok:
-        return f'<p class="good">{_VERIFIED}</p>\n'
+        but = beyond(verification.distances)
+        return f'<p class="{"bad" if but else "good"}">{_VERIFIED}{escape(but)}.</p>\n'
     return (
         f'<p class="bad">Verification failed: {escape("; ".join(verification.failures()))}.</p>\n'
     )
@@ -195,7 +197,7 @@ def _compared(durations: Mapping[str, float]) -> tuple[str, str]:
         f'<dd style="width: {100 * duration / longest:.1f}%">{duration:.4f} s</dd>'
         for name, duration in durations.items()
     )
-    said = f"{_percent(abs(own / other - 1))} {how} time than the {' '.join(best.split())}"
+    said = f"{percent(abs(own / other - 1))} {how} time than the {' '.join(best.split())}"
     return said, f'<dl class="bars">{bars}</dl>'
 
 
@@ -226,6 +228,7 @@ def _figures(scenes: Sequence[Scene]) -> str:
         "Bodies are grey, as if of glass: turn the robot to see on which side the path passes.": (
             any(scene.keep_out is not None for scene in scenes)
         ),
+        "Blue is what the path stays in.": any(scene.tube or scene.columns for scene in scenes),
         "Orange is the way of a goal on its belt meanwhile.": any(
             isinstance(scene.task.goal, MovingPoint) for scene in scenes
         ),
@@ -321,10 +324,6 @@ def _list(items: Iterable[str]) -> str:
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table that scrolls sideways where the window is narrow."""
     return f'<div class="wide">{html_table(head, rows)}</div>'
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %"
 
 
 def _json(data: object) -> str:

@@ -51,10 +51,10 @@ const path = frames.x.map((x) => scaled(x, MM));
 const ends = [plan.start, plan.goal].map((x) => scaled(x, MM));
 const bodies = plan.bodies.map((body) => ({
   ...body,
-  ...(body.centre ? { centre: scaled(body.centre, MM), radius: MM * body.radius } : {
-    corners: body.corners.map((corner) => scaled(corner, MM)),
-    edges: body.edges.map((edge) => edge.map((point) => scaled(point, MM))),
-  }),
+  centre: body.centre && scaled(body.centre, MM),
+  radius: MM * body.radius,
+  corners: (body.axis ?? body.corners ?? []).map((corner) => scaled(corner, MM)),
+  edges: (body.edges ?? []).map((edge) => edge.map((point) => scaled(point, MM))),
 }));
 const belts = plan.belts.map((way) => way.map((point) => scaled(point, MM)));
 const via = plan.via.map(({ at, within }) => ({ at: scaled(at, MM), within: MM * within }));
@@ -79,8 +79,8 @@ const whole = around(corners), close = around([...path, ...ends]);
 // What the picture is fitted to: the robot, and of bodies, which may be much larger, what is near it.
 const reached = [0, 1, 2].map((i) => [Math.min, Math.max].map((most, k) =>
   most(...corners.map((point) => point[i])) + (2 * k - 1) * 0.1 * whole.radius));
-const cell = [...corners, ...bodies.flatMap((body) => (body.corners ?? [-1, 1].map((side) =>
-  body.centre.map((value) => value + side * body.radius)))).map((point) =>
+const cell = [...corners, ...bodies.flatMap((body) => body.centre ? [-1, 1].map((side) =>
+  body.centre.map((value) => value + side * body.radius)) : body.corners).map((point) =>
   point.map((value, i) => within(value, ...reached[i])))];
 
 function project(point) {
@@ -99,10 +99,14 @@ const parts = {
   bodies: bodies.map((body, i) => {
     const group = make("g", { class: "body", id: `body${i + 1}` }, layers);
     make("title", {}, group, body.name);
+    const [fill, stroke] = body.stay ? ["#56B4E9", "#56B4E9"] : [shade.fill, shade.stroke];
     if (body.centre) return { outline: make("circle", shade, group), edges: [] };
+    // A tube is as wide as it is in the cell from all sides.
+    if (body.axis) return { outline: make("polyline", { ...line, "vector-effect": "none", stroke, "stroke-opacity": 0.3,
+      "stroke-width": 2 * body.radius }, group), edges: [] };
     return {
-      outline: make("polygon", { ...shade, stroke: body.edges.length ? "none" : shade.stroke }, group),
-      edges: body.edges.map(() => make("polyline", { ...line, stroke: "var(--soft)", "stroke-width": 1 }, group)),
+      outline: make("polygon", { ...shade, fill, stroke: body.edges.length ? "none" : stroke }, group),
+      edges: body.edges.map(() => make("polyline", { ...line, stroke, "stroke-width": 1 }, group)),
     };
   }),
   base: make("polygon", { ...line, fill: "var(--line)", "fill-opacity": 0.7, stroke: "var(--soft)", "stroke-width": 1.5 }, layers),
@@ -168,6 +172,7 @@ function drawBodies() {
   bodies.forEach((body, i) => {
     const drawn = parts.bodies[i];
     if (body.centre) mark(drawn.outline, body.centre, body.radius);
+    else if (body.axis) drawn.outline.setAttribute("points", along(body.corners));
     else drawn.outline.setAttribute("points", written(hullOf(body.corners.map(project))));
     drawn.edges.forEach((edge, k) => edge.setAttribute("points", along(body.edges[k])));
   });

@@ -39,7 +39,7 @@ class Sphere(Record):
 
 class Box(FromTo):  # type: ignore[misc]  # made by pydantic
     """A box along the axes of the base's frame between the opposite corners ``from`` and ``to``,
-    m.
+    m. The first is a word of Python, and stands in a mapping: ``Box(**{"from": …, "to": …})``.
 
     Examples:
         >>> corners = {"from": (0.95, -0.1, -1.0), "to": (2.0, 0.1, 1.0)}

@@ -130,6 +130,10 @@ class Body(OneOf):
         """In words."""
         return self.given.replace("_", "-")
 
+    def named(self, index: int) -> str:
+        """Its key in a scene, in which it is the one of this index, and its kind."""
+        return f"keep_out[{index}], a {self.kind}"
+
     @property
     def in_words(self) -> str:
         """Its kind and what gives its size: "box, from [0, 0, 0], to [1, 1, 1] m"."""

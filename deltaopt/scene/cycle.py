@@ -65,6 +65,11 @@ class Cycle(Record):
         default=None, description=EXPECTED_RMS
     )
 
+    def __repr__(self) -> str:
+        return f"<Cycle of {len(self.legs)} legs: {self.legs[0].robot.name}>"
+
+    __str__ = __repr__
+
     @model_validator(mode="before")
     @classmethod
     def _with_all_dwells(cls, content: Any) -> Any:

@@ -92,7 +92,8 @@ class Scene(Record):
 
     robot: AnyRobot = Field(description=ROBOT_FILE)
     payload: Annotated[Positive, MASS] | None = Field(
-        default=None, description="a mass in kg, greater than 0, or [least, largest]"
+        default=None,
+        description="a mass in kg, greater than 0, or [least, largest]; 0 is no key at all",
     )
     least_payload: Annotated[NonNegative, MASS] | None = Field(
         default=None, description="a mass in kg, at least 0"

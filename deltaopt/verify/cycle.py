@@ -19,6 +19,7 @@ from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.bounds import BOUNDARY_DISTANCE, BOUNDARY_SPEED, EXCESS
 from deltaopt.verify.duty import Duty, one_after_the_other
+from deltaopt.verify.measures import Distance
 from deltaopt.verify.verification import Verification, verify
 
 
@@ -53,6 +54,11 @@ class CycleVerification:
             return None
         a, b, c = (motor.rms_torque for motor in self.duty.motors)
         return a, b, c
+
+    @property
+    def distances(self) -> tuple[Distance, ...]:
+        """The least of every leg to each kind of singularity."""
+        return tuple(distance for leg in self.legs for distance in leg.distances)
 
     @property
     def ok(self) -> bool:

@@ -109,7 +109,7 @@ def test_plan(tmp_path, capsys):
         f"at most {100 * record['gap']:.2g} % longer than the fastest near it (estimated); a local "
         "optimum, others may be better",
         f"{100 * (1 - duration / line):.1f} % less than the line, timed optimally: {line:.4f} s",
-        "limited by torque (99 % of the time, 10 % more would save 5.1 %)",
+        "limited by torque (100 % of the time, 10 % more would save 5.1 %)",
         f"written: {tmp_path / 'trajectory.csv'}, {tmp_path / 'plan.json'}",
     ]
     assert main([*words, "--details"]) == 0
@@ -286,3 +286,22 @@ def test_wrong_usage_is_exit_2(words, capsys):
         main(words)
     assert end.value.code == 2
     assert "Traceback" not in capsys.readouterr().err
+
+
+def test_how_near_a_line_comes_to_each_limit(tmp_path, capsys):
+    """Of two bounds, of a largest value and of a least one, from the table that is written."""
+    box = np.array([(0.47, -0.02, -0.02), (0.6, 0.0, 0.02)])
+    bodies = str([{"box": {"from": box[0].tolist(), "to": box[1].tolist()}}])
+    file = scene_file(tmp_path, keep_out=bodies, limits="{platform_speed: 5.0, torque: 10.0}")
+    assert main(["inverse", str(file), "--duration", "0.5", "-o", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    with (tmp_path / "out" / "inverse.csv").open(encoding="utf-8") as lines:
+        table = np.array([[float(cell) for cell in row] for row in list(csv.reader(lines))[1:]])
+    x, v, tau = (table[:, HEADER.split(",").index(name) :][:, :3] for name in ("x", "vx", "tau1"))
+    away = np.linalg.norm(x - np.clip(x, *box), axis=1).min()
+    fastest, largest = np.linalg.norm(v, axis=1).max(), tau.flat[np.abs(tau).argmax()]
+    assert f"clearance, {away:.4g} m at" in said
+    assert "it may be at least 0\n" in said
+    assert f"platform speed, {fastest:.4g} m/s at t = 0.2500 s; it may be at most 5\n" in said
+    assert f", {largest:.4g} N·m at" in said
+    assert "it may be ± 10\n" in said

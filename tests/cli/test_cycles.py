@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import re
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import deltaopt
 from deltaopt import SceneError, load_cycle, load_plan, load_scene
@@ -58,15 +60,37 @@ def test_what_is_wrong_is_named(tmp_path, old, new, said):
         load_cycle(file)
 
 
-def test_a_new_cell_is_planned(tmp_path, capsys):
-    """Four legs, of which two end on a belt; a folder of its plan names the plans in it."""
+def numbers_of(axes):
+    return [text for text in axes.texts if text.get_text().isdigit()]
+
+
+def test_a_new_cell_is_planned(tmp_path, capsys, monkeypatch):
+    """Four legs, of which two end on a belt; a folder of its plan names the plans in it. In its
+    picture the numbers of legs are apart, each in its path, and above all torques."""
+    drawn, write = list[Figure](), Figure.savefig
+    keep = lambda page, *given, **named: (drawn.append(page), write(page, *given, **named))  # noqa: E731
+    monkeypatch.setattr(Figure, "savefig", keep)
     assert main(["new", "--cell", str(tmp_path)]) == 0
     scene = tmp_path / "scene.yaml"
     assert f"deltaopt plan {scene}" in capsys.readouterr().out
     cell = load_cycle(scene)
     assert (len(cell.legs), cell.parts, cell.rms_limits) == (4, 2, (25.0, 25.0, 25.0))
     out = tmp_path / "out"
-    assert main(["plan", str(scene), "-o", str(out)]) == 0
+    assert main(["plan", str(scene), "--plot-limits", "-o", str(out)]) == 0
+    for leg in range(1, 5):
+        assert (out / f"leg_{leg}" / "limits.png").stat().st_size > 10_000
+    *views, torques = drawn[-1].axes
+    (axes, numbers) = max(
+        ((each, numbers_of(each)) for each in views), key=lambda each: len(each[1])
+    )
+    paths = [line.get_xydata() for line in axes.get_lines() if len(line.get_xdata()) > 100]
+    boxes = [number.get_window_extent() for number in numbers]
+    assert sum(len(numbers_of(each)) for each in views) == len(boxes) == len(paths) == 4
+    assert not [one for one, other in combinations(boxes, 2) if one.overlaps(other)]
+    for text, path in zip(numbers, paths, strict=True):
+        assert np.linalg.norm(path - text.xy, axis=1).min() < 1e-9
+    highest = max(line.get_ydata().max() for line in torques.get_lines())
+    assert min(number.xy[1] for number in numbers_of(torques)) > highest
     assert main(["verify", str(out)]) == 2
     assert "whose legs are plans: leg_1, leg_2, leg_3, leg_4" in capsys.readouterr().err
     assert main(["verify", str(out / "leg_2")]) == 0

@@ -113,7 +113,7 @@ def test_command_writes_table_chart_and_verdict(
     )
     assert re.match(r"forward dynamics use .* Median errors are at most", words(second))
     assert "null space" in printed.out
-    assert "ranking" in printed.out
+    assert re.search(r"inverse dynamics, as derived, \d+% with eq\. \(55\)", words(printed.out))
     assert "100%" in printed.err
     assert sorted(p.name for p in tmp_path.iterdir()) == ["dynamics.csv", "dynamics.png"]
     assert (tmp_path / "dynamics.png").read_bytes().startswith(b"\x89PNG")

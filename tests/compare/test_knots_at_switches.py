@@ -11,7 +11,6 @@ import pytest
 
 from deltaopt.compare.plans.knots_at_switches import at_switches
 from deltaopt.compare.plans.measures import Meter
-from deltaopt.compare.plans.study import interpreted
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.formulations.collocation import FAR, NEAR
 from deltaopt.planning.formulations.equations import (
@@ -23,7 +22,7 @@ from deltaopt.planning.formulations.equations import (
 from deltaopt.planning.formulations.loop_closure import KnotConstraints
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, ErrorEstimate
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
-from tests.shipped_cases import case
+from tests.shipped_cases import case, interpreted
 
 FORMULATIONS = {
     "flat": flat_equations,

@@ -12,6 +12,9 @@ import deltaopt
 from deltaopt.errors import Infeasible, SceneError
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.time_scaling import safe_factor
+from deltaopt.output.facts import facts
+from deltaopt.output.in_words import told
+from deltaopt.planning.comparisons import straight_lines
 from deltaopt.planning.first_motions.initial_motion import straight_line
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
@@ -254,11 +257,16 @@ def test_a_motion_waits_for_the_rotation():
     assert plan.duration == pytest.approx(0.3, rel=1e-12)
     assert plan.gap < 1e-12
     assert deltaopt.verify(scene, plan.trajectory).ok
-    told = deltaopt.verify(scene, fast.trajectory)
-    assert told.rotation_left == pytest.approx(0.3 - fast.duration)
-    assert "before the fourth axis has turned" in told.failures()[0]
+    early = deltaopt.verify(scene, fast.trajectory)
+    assert early.rotation_left == pytest.approx(0.3 - fast.duration)
+    assert "before the fourth axis has turned" in early.failures()[0]
+    assert straight_lines(scene) == {}  # the line takes as long
+    said = list(told(facts(plan)))
+    assert said[-1] == "limited by the rotation, which takes 0.300 s"
+    assert not any("line" in line or "others may be better" in line for line in said)
     quick = PICK.model_copy(update={"rotation": turning | {"angle": 0.1}})
     assert deltaopt.plan(quick).duration == pytest.approx(fast.duration, rel=1e-12)
+    assert straight_lines(quick) == straight_lines(PICK) != {}
     with pytest.raises(SceneError) as error:
         Scene.model_validate(
             {**PICK.model_dump(), "objective": "effort", "duration": 0.25, "rotation": turning}

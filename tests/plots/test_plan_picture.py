@@ -1,12 +1,16 @@
 """The picture of a plan: the robot is drawn where it is, and what is written there is true."""
 
+import re
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 import deltaopt
-from deltaopt.output.facts import headline
+from deltaopt.motion.active_limits import AT_LIMIT
+from deltaopt.output.facts import facts, headline
+from deltaopt.output.in_words import told
 from deltaopt.planning.comparisons import straight_lines
 from deltaopt.plots import plan as chart
 from deltaopt.plots.colours import ORANGE
@@ -82,6 +86,22 @@ def test_picture_says_what_is_true(tmp_path, monkeypatch):
         np.testing.assert_allclose(torque, line(t).tau[:, k], atol=1e-6)
         root = np.sqrt(np.mean((curve.get_ydata()) ** 2))
         assert f"RMS {root:.0f} %" in curve.get_label()
+
+
+def test_the_share_of_time_at_a_limit_is_one_number_everywhere(tmp_path, monkeypatch):
+    """That in which any motor is at it: in print, in the picture, and counted at instants."""
+    drawn = pages(monkeypatch)
+    scene = deltaopt.load_scene(PROBLEMS / "limits" / "drive_joints_workspace.yaml")
+    plan = deltaopt.plan(scene)
+    chart.draw(tmp_path / "plan.png", plan.scene, plan.trajectory)
+    tau = plan.trajectory(plan.trajectory.instants(100_001)).tau
+    at = np.abs(tau) >= AT_LIMIT * plan.scene.robot.drive.torque
+    share = 100 * at.any(axis=1).mean()
+    assert share > 100 * at.mean(axis=0).max() + 3  # no motor is at its limit as long
+    (printed,) = re.findall(r"torque \((\d+) % of the time", "\n".join(told(facts(plan))))
+    assert int(printed) == pytest.approx(share, abs=1)
+    title = drawn[0].axes[-1].get_title(loc="left")
+    assert title == f"torques: one is at its limit {printed} % of the time"
 
 
 VIA = deltaopt.load_scene(PROBLEMS / "via" / "within.yaml")

@@ -1,17 +1,21 @@
 """What charts say in their titles is what their numbers say: counted here by hand."""
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
+import pandas
 import pytest
 from matplotlib.figure import Figure
 
 import deltaopt
+from deltaopt.cli.map import _places_in_words
 from deltaopt.compare.model_terms import MODEL_TERMS, TermEffect
 from deltaopt.motion.active_limits import AT_LIMIT
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.facts import facts
 from deltaopt.plots import dynamics, inverse, limits, model_terms, plans
+from deltaopt.plots.sweeps import draw_map
 from studies import parts, smoother
 from studies.frontier import Attempt, points
 from studies.models.measure import FAMILIES, ROUNDING, TASKS, Error
@@ -108,15 +112,12 @@ def test_conventions_are_those_of_the_model():
     assert robot.base_radius > 0
 
 
-def row_of_dynamics(model: str, microseconds: float, error: float) -> SimpleNamespace:
-    time = SimpleNamespace(microseconds=microseconds)
-    return SimpleNamespace(
-        task="inverse", model=model, variant="", compiled=time, interpreted=None, median_error=error
-    )
+def row_of_dynamics(model: str, seconds: float, error: float) -> SimpleNamespace:
+    return SimpleNamespace(task="inverse", model=model, seconds=seconds, median_error=error)
 
 
 def test_dynamics_tell_the_largest_error_and_how_far_costs_lie_apart():
-    rows = [row_of_dynamics("a", 0.5, 2e-16), row_of_dynamics("b", 20.0, 4e-16)]
+    rows = [row_of_dynamics("a", 5e-7, 2e-16), row_of_dynamics("b", 2e-5, 4e-16)]
     study = SimpleNamespace(rows=rows, floor={"inverse": 1e-16})
     assert dynamics.title(study) == "Models err by 4e-16 at most, and differ 40 times in cost"
 
@@ -151,6 +152,61 @@ def test_limits_are_headed_by_the_one_that_holds_longest(picked, drawn, tmp_path
     told = drawn[0].axes[0].get_title(loc="left")
     assert "torque is at its limit" in told
     assert float(told.split()[-5]) == pytest.approx(share, abs=1.0)
+
+
+def test_every_body_has_a_curve_with_its_name(drawn, tmp_path):
+    """Three are not taken for motors; of more than can be told apart the nearest are named."""
+    scene = deltaopt.load_scene("problems/pick_and_place.yaml")
+    boxes = [(np.array([0.5, y, -0.1]), np.array([0.6, y + 0.01, 0.1])) for y in (0.2, 0.3, 0.4)]
+    bodies = [{"box": {"from": tuple(a), "to": tuple(b)}} for a, b in boxes]
+    ball = {"sphere": {"centre": (0.3, 0.0, 0.4), "radius": 0.05}}
+    for more in (0, 7):
+        keep_out = [*bodies, *[ball] * more]
+        limited = {"limits": {"tilt_singularity": 0.01}, "keep_out": keep_out}
+        passing = deltaopt.Scene.model_validate({**scene.model_dump(exclude_none=True), **limited})
+        line = deltaopt.baseline(passing)
+        told = SimpleNamespace(
+            scene=passing, trajectory=line, active=(), verification=deltaopt.verify(passing, line)
+        )
+        limits.draw_limits(tmp_path / "limits.png", told)
+        page = drawn.pop()
+        (panel,) = (a for a in page.axes if a.get_ylabel() == "clearance (m)")
+        curves = {each.get_label(): each for each in panel.get_lines()}
+        x = line(curves["keep_out[0], a box"].get_xdata()).x
+        for index, (least, most) in enumerate(boxes):
+            away = np.linalg.norm(x - np.clip(x, least, most), axis=1)
+            curve = curves[f"keep_out[{index}], a box"].get_ydata()
+            np.testing.assert_allclose(curve, away, atol=1e-9)
+        named = [text.get_text() for text in panel.get_legend().get_texts()]
+        assert len(named) == min(8, len(keep_out))
+        assert not any("motor" in name for name in curves)
+        for axes in page.axes:
+            label = axes.yaxis.label.get_window_extent()
+            assert label.height <= 1.1 * axes.get_window_extent().height
+
+
+@pytest.mark.parametrize(
+    ("across", "aside", "letters"), [(0.3, 0.02, 1), (0.3, 0.1, 3), (0.1, 0.4, 10), (0.2, 0.0, 12)]
+)
+def test_labels_of_a_map_do_not_collide_and_numbers_keep_their_units(
+    across, aside, letters, drawn, tmp_path
+):
+    """Of a flat region, a wide one, a tall one, and of places in a line; lines end at other places
+    after some ``letters`` more."""
+    sides = np.linspace(-across, across, 5), np.linspace(-aside, aside, 5 if aside else 1)
+    y, z = (each.ravel() for each in np.meshgrid(*sides))
+    far = np.hypot(y, z)
+    columns = {"duration": 0.1361 + 1e-3 * far, "rms_share": 0.5 + 1e-3 * far, "singularity": far}
+    table = pandas.DataFrame({"place.x": 0.7, "place.y": y, "place.z": z, **columns})
+    file = tmp_path / "map.png"
+    draw_map(file, f"{'x' * letters} {_places_in_words(table)}", table, [*columns])
+    title = drawn[-1].get_suptitle()
+    assert not re.search(r"\d\n[sm%](?!\w)|=\n", title), title
+    bars = [axes for axes in drawn[-1].axes if axes.get_label() == "<colorbar>"]
+    assert len(bars) == 3
+    for bar in bars:
+        label = bar.yaxis.label.get_window_extent()
+        assert label.height <= bar.get_window_extent().height
 
 
 def test_prescribed_motions_are_headed_by_their_size(drawn, tmp_path):

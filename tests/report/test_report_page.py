@@ -424,6 +424,39 @@ def test_bodies_and_via_points_are_drawn_where_they_are(browser, narrow):
     opened.page.close()
 
 
+@pytest.mark.parametrize("file", ["approach/25_305_25.yaml", "paths/tube.yaml"])
+def test_what_the_path_stays_in_is_drawn_where_it_is(browser, tmp_path, file):
+    """In the front view: columns 10 mm wide and 25 mm high above both ends, a tube 10 mm wide that
+    begins at the start and rises 25 mm."""
+    scene = load_scene(PROBLEMS / file)
+    free = scene.model_copy(update={"tube": None, "path": None, "approach": None})
+    text = report(of_line(scene, baseline(free)))
+    assert "Blue is what the path stays in." in str(Text(text))
+    (tmp_path / "report.html").write_text(text, encoding="utf-8")
+    opened = Opened(browser, tmp_path / "report.html")
+    opened.page.locator("[data-view=front]").click()
+
+    def points(selector):
+        given = opened.page.locator(selector).first.get_attribute("points")
+        return np.array([point.split(",") for point in given.split()], dtype=float)
+
+    start = 1e3 * np.array([scene.start[1], scene.start[0]])
+    goal = 1e3 * np.array([scene.goal[1], scene.goal[0]])
+    if scene.tube is None:
+        for body, end in (("#body1", start), ("#body2", goal)):
+            corners = points(f"{body} polygon")
+            np.testing.assert_allclose(np.ptp(corners, axis=0), [10, 25], atol=0.1)
+            np.testing.assert_allclose(corners.max(axis=0) - [5, 0], end, atol=0.1)
+    else:
+        axis, tube = points("#body1 polyline"), opened.page.locator("#body1 polyline")
+        np.testing.assert_allclose(axis[[0, -1]], [start, goal], atol=2e-2)
+        np.testing.assert_allclose(np.ptp(axis, axis=0), [305, 25], atol=2e-2)
+        assert float(tube.get_attribute("stroke-width")) == pytest.approx(10)
+        assert tube.get_attribute("vector-effect") == "none"  # in mm, not in pixels
+    assert opened.said == []
+    opened.page.close()
+
+
 def test_the_wheel_comes_closer_and_large_bodies_do_not_shrink_the_robot(browser, page, narrow):
     """In both scenes the robot is the same; a table of metres takes a quarter more at most."""
 

@@ -10,15 +10,10 @@ from deltaopt.compare.dynamics.study import Row, Study
 from deltaopt.files.csv_table import csv_text
 from deltaopt.files.tables import text_table
 
-_SAME = "the same cost indeed"
-_NOT_SAME = "the equations are the same, the expressions for them are not"
 PAPER_SHARE = 0.83
 """Time of K and L_E with a C from eq. (8), over that of L_I, section 5.4."""
 
-TIE = 0.05
-"""Shares closer to 1 count as equal."""
-
-ORIGINS = {", printed": "printed", "": "derived"}
+ORIGINS = {"": "as derived", ", printed": "as printed in eq. (66) to (83)"}
 """Where L_E's and L_I's M, Q̂* and Q are from: what a model's name ends in, and words."""
 
 WORDS = 4
@@ -92,168 +87,60 @@ def notes(study: Study) -> str:
 
 def answer(study: Study) -> str:
     """Say which model to use for what: the cheapest for each task, and how accurate they are."""
-    compiled = _modes(study)[-1]
-    return fill(" ".join([*_cheapest(study, compiled), _accuracy(study)]), width=98)
+    return fill(" ".join([*_cheapest(study), _accuracy(study)]), width=98)
 
 
-def _cheapest(study: Study, compiled: bool) -> Iterator[str]:
+def _cheapest(study: Study) -> Iterator[str]:
     """A sentence on each task, with ratios to L_E in closed form as CasADi derives it."""
-    mode = "compiled" if compiled else "interpreted"
     for task in study.floor:
         rows = [row for row in study.rows if row.task == task]
-        best, implicit = (
-            min(those, key=lambda row: _seconds(row, compiled))
-            for those in (rows, [row for row in rows if row.model.startswith("L_I")])
-        )
-        unit = _seconds(study.row(task, "L_E", "closed form"), compiled)
-        ratio, other = (_seconds(row, compiled) / unit for row in (best, implicit))
+        best = min(rows, key=lambda row: row.seconds)
+        unit = study.row(task, "L_E", "closed form").seconds
         yield (
-            f"For {task} dynamics use {best.model}, {best.variant}: {ratio:.2f} of the time of L_E"
-            f" in closed form ({mode}), and L_I at its fastest takes {other:.2f}."
+            f"For {task} dynamics use {best.model}, {best.variant}: {best.seconds / unit:.2f} of"
+            f" the time of L_E in closed form, and L_I at its fastest takes"
+            f" {_multiplier(study, task) / unit:.2f}."
         )
 
 
 def verdict(study: Study) -> str:
-    """Say whether Table I and the 83 % hold, in the numbers of this study."""
-    sentences = [
-        _same_cost(study),
-        f"L_E took {PAPER_SHARE:.0%} of L_I's time in the paper; here L_I is given its fastest"
-        " solver each time, and the shares follow.",
-        _ranking(study, "null space", "C from the null space, eq. (8), the paper's way"),
-        _ranking(study, "closed form", "C in closed form, eq. (55)"),
-        _forward(study),
-        _conclusion(study),
-    ]
-    return fill(" ".join(sentences), width=98)
-
-
-def share(study: Study, task: str, variant: str, origin: str, compiled: bool) -> float:
-    """Return the time of L_E with a constraint matrix over that of L_I with its fastest solver.
-
-    ``origin``: one of ``ORIGINS``, where M, Q̂* and Q are from.
-    """
-    multiplier = [_seconds(row, compiled) for row in _rows(study, task, f"L_I{origin}")]
-    return _seconds(study.row(task, f"L_E{origin}", variant), compiled) / min(multiplier)
-
-
-def _shares(study: Study, task: str, variant: str) -> dict[tuple[str, bool], float]:
-    """By origin and mode."""
-    return {
-        (origin, compiled): share(study, task, variant, origin, compiled)
-        for origin in ORIGINS
-        for compiled in _modes(study)
-    }
-
-
-def _same_cost(study: Study) -> str:
-    """K against L_E."""
-    shares = {
-        (origin, compiled): _seconds(study.row("inverse", "K, Kane", "closed form"), compiled)
-        / _seconds(study.row("inverse", f"L_E{origin}", "closed form"), compiled)
-        for origin in ORIGINS
-        for compiled in _modes(study)
-    }
-    same = all(abs(value - 1) <= TIE for value in shares.values())
-    return (
-        "The paper gives K and L_E the same cost, for they end in the same equations. Inverse"
-        " dynamics by K, C in closed form, takes of L_E's time, with M, Q̂* and Q as printed in"
-        f" eq. (66) to (83) or as derived by CasADi, {_listed(shares)}:"
-        f" {_SAME if same else _NOT_SAME}."
-    )
-
-
-def _ranking(study: Study, variant: str, with_C: str) -> str:
-    """The 83 % for one constraint matrix."""
-    shares = _shares(study, "inverse", variant)
-    return f"With {with_C}, they are {_listed(shares)}: {_order(shares)}."
-
-
-def _forward(study: Study) -> str:
-    """The sentence on the models' shares of the time for forward dynamics."""
-    closed, null = (_shares(study, "forward", v) for v in ("closed form", "null space"))
-    return (
-        f"For forward dynamics they are {_listed(closed)} with C in closed form, and"
-        f" {_listed(null)} with C from the null space."
-    )
-
-
-def _listed(shares: dict[tuple[str, bool], float]) -> str:
-    """Percentages, each with where it belongs."""
-    by_origin = (
-        f"{words} "
-        + ", ".join(
-            f"{value:.0%} {'compiled' if mode else 'interpreted'}"
-            for (whose, mode), value in shares.items()
-            if whose == origin
+    """Say whether the paper's 83 % hold, in the numbers of this study."""
+    shares = "; ".join(
+        f"{task} dynamics, {words}, "
+        + " and ".join(
+            f"{_share(study, task, variant, origin):.0%} with {with_C}"
+            for variant, with_C in (("closed form", "eq. (55)"), ("null space", "eq. (8)"))
         )
+        for task in study.floor
         for origin, words in ORIGINS.items()
     )
-    return "; ".join(by_origin)
+    return fill(
+        f"L_E took {PAPER_SHARE:.0%} of L_I's time in the paper, with C from eq. (8). Here, where"
+        f" L_I has its fastest solver each time: {shares}.",
+        width=98,
+    )
+
+
+def _share(study: Study, task: str, variant: str, origin: str) -> float:
+    """The time of L_E over that of L_I at its fastest, both with the same M, Q̂* and Q."""
+    own = study.row(task, f"L_E{origin}", variant).seconds
+    return own / _multiplier(study, task, origin)
+
+
+def _multiplier(study: Study, task: str, origin: str = "") -> float:
+    """Seconds of L_I with the fastest solver."""
+    rows = (row for row in study.rows if (row.task, row.model) == (task, f"L_I{origin}"))
+    return min(row.seconds for row in rows)
 
 
 def _accuracy(study: Study) -> str:
-    worst = {
-        name: max(
-            row.median_error / study.floor[row.task]
-            for task in study.floor
-            for row in _rows(study, task, name)
-        )
-        for name in ("L_E", "L_I")
-    }
-    apart = worst["L_I"] / worst["L_E"]
-    judged = (
-        "on these states, none of them near a singularity, accuracy gives no reason to choose"
-        if 0.25 < apart < 4
-        else "accuracy tells them apart already on regular states"
-    )
+    errors = (f"{_worst(study, name):.1f} times ({name})" for name in ("L_E", "L_I"))
     return (
-        f"Median errors are at most {worst['L_E']:.1f} times (L_E) and {worst['L_I']:.1f} times"
-        f" (L_I) what rounding the state alone makes: {judged}."
+        f"Median errors are at most {' and '.join(errors)} what rounding the state alone makes; no"
+        " state is near a singularity."
     )
 
 
-def _conclusion(study: Study) -> str:
-    judged = {
-        variant: {_judged(value) for value in _shares(study, "inverse", variant).values()}
-        for variant in ("closed form", "null space")
-    }
-    everything = set.union(*judged.values())
-    if everything == {"holds"}:
-        return "So the paper's ranking of computing cost, L_E before L_I, holds throughout."
-    if everything == {"is reversed"}:
-        return "So the paper's ranking of computing cost is reversed: L_I comes before L_E."
-    return (
-        "So the paper's ranking of computing cost is no property of the models L_E and L_I: which"
-        " is faster depends on how C is found and on how the big, sparse system is solved."
-    )
-
-
-def _order(shares: dict[tuple[str, bool], float]) -> str:
-    """Whether L_E comes before L_I, in words."""
-    judged = {_judged(value) for value in shares.values()}
-    if len(judged) == 1:
-        return f"the order {judged.pop()}"
-    return "the order holds in some cases only"
-
-
-def _judged(value: float) -> str:
-    """A share of time in words."""
-    if abs(value - 1) <= TIE:
-        return "is a tie"
-    return "holds" if value < 1 else "is reversed"
-
-
-def _rows(study: Study, task: str, model: str) -> list[Row]:
-    return [row for row in study.rows if (row.task, row.model) == (task, model)]
-
-
-def _modes(study: Study) -> list[bool]:
-    """Interpreted, and compiled if it was."""
-    return [False, True] if any(row.compiled for row in study.rows) else [False]
-
-
-def _seconds(row: Row, compiled: bool) -> float:
-    """Infinite where it was not measured."""
-    if not compiled:
-        return row.interpreted.seconds
-    return row.compiled.seconds if row.compiled else float("inf")
+def _worst(study: Study, model: str) -> float:
+    own = (row for row in study.rows if row.model == model)
+    return max(row.median_error / study.floor[row.task] for row in own)

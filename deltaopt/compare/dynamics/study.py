@@ -50,6 +50,11 @@ class Row:
     median_error: float
     largest_error: float
 
+    @property
+    def seconds(self) -> float:
+        """Of one evaluation: compiled, where it can be."""
+        return (self.compiled or self.interpreted).seconds
+
 
 @dataclass(frozen=True)
 class Study:

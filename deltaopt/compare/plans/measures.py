@@ -22,7 +22,6 @@ from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.precise_integrator import PreciseIntegrator
 from deltaopt.planning.formulations.collocation import CollocationProblem
 from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
-from deltaopt.planning.nlp.program import IpoptSolution, Program
 
 
 @dataclass(frozen=True)
@@ -128,20 +127,6 @@ def integrator(system: ScaledMechanism, points: int) -> PreciseIntegrator:
     ddq, _ = Multiplier().forward_dynamics(m)(0, q, dq, tau, p[system.scales.numel() :])
     rate = ca.vertcat(state[nu:], ddq[list(system.independent)])
     return PreciseIntegrator(u, state, rate, length, ca.vertcat(ca.vec(coefficients), length, p))
-
-
-def active_rank(
-    program: Program, solution: IpoptSolution, bounds: tuple[Array, Array], p: Array
-) -> tuple[int, int]:
-    """Return how many rows of the Jacobian hold with equality at a solution, and their rank, which
-    is smaller if rows depend on each other. Variables that a bound holds do not count."""
-    _, J = program.jacobian(solution.z, p)
-    lower, upper = program.rows
-    held = np.abs(solution.bound_multipliers) > 1e-4
-    free = (bounds[0] < bounds[1]) & ~held
-    active = (lower == upper) | (np.abs(solution.row_multipliers) > 1e-4)
-    rows = np.asarray(ca.DM(J).full())[active][:, free]
-    return len(rows), int(np.linalg.matrix_rank(rows, tol=1e-9 * np.abs(rows).max()))
 
 
 def _between(nodes: Array, values: Array, c: Array) -> Array:

@@ -8,51 +8,33 @@ is left, linear algebra above all. Building and compiling are not in them.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from dataclasses import dataclass, field
 from math import inf, isfinite
 from time import perf_counter
-from typing import Any
 
-import casadi as ca
 import numpy as np
 
-from deltaopt.codegen.c_compiler import compiler
 from deltaopt.compare.plans.cases import Case, Reference
 from deltaopt.compare.plans.knots_at_switches import at_switches
-from deltaopt.compare.plans.measures import Meter, Quality, active_rank
+from deltaopt.compare.plans.measures import Meter, Quality
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
+from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.errors import NotConverged
+from deltaopt.planning.formulations.choice import Collocated, Flat, Forward, Redundant
 from deltaopt.planning.formulations.collocation import FAR, NEAR, CollocationProblem, Equations
-from deltaopt.planning.formulations.equations import (
-    explicit_equations,
-    flat_equations,
-    forward_equations,
-    multiplier_equations,
-)
 from deltaopt.planning.formulations.loop_closure import (
     AccelerationLevel,
     Baumgarte,
     KnotConstraints,
-    LoopClosure,
     Projection,
 )
-from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
 from deltaopt.planning.mesh.error_estimate import ErrorEstimate
-from deltaopt.planning.nlp.points import PointFunction
-from deltaopt.planning.nlp.program import IpoptSolution, Options, Program
+from deltaopt.planning.nlp.program import IpoptSolution, Program
 from deltaopt.planning.nlp.transcription import LINEAR, QUADRATIC, PiecewiseAcceleration
 
-Formulations = dict[tuple[str, str], Equations]
 Progress = Callable[[float, str], None]
 """Told how much is done (0 to 1) and what comes next."""
 
-CLOSURES: tuple[LoopClosure, ...] = (
-    KnotConstraints(),
-    Projection(),
-    Baumgarte(),
-    AccelerationLevel(),
-)
 UNIFORM = (10, 20, 40)
 """Intervals of the uniform meshes, from the baseline; those after them have knots where the
 method's own motion switches, and start from it."""
@@ -62,45 +44,56 @@ REFINEMENTS = 3
 """At most, and"""
 MOST_INTERVALS = 320
 """of a refined mesh."""
-RANK_AT_MOST = 10
-"""Intervals of the meshes on which the rank is computed, by a dense decomposition."""
 
 
 @dataclass(frozen=True)
 class Method:
-    """A formulation with a loop closure, which is empty where no loops are left open, and a
-    transcription."""
+    """A formulation, in redundant coordinates with its loop closure, and a transcription."""
 
-    formulation: str
-    closure: str
+    kind: Collocated
     transcription: PiecewiseAcceleration
-    build: Callable[[ScaledMechanism], Equations]
 
     @property
-    def equations_key(self) -> tuple[str, str]:
-        """Return what methods with the same point functions share."""
-        return self.formulation, self.closure
+    def formulation(self) -> str:
+        """Its name without the closure: "explicit"."""
+        return self.kind.name.partition(", ")[0]
+
+    @property
+    def closure(self) -> str:
+        """The name of its loop closure, empty where no loops are left open."""
+        return self.kind.name.partition(", ")[2]
 
     def __str__(self) -> str:
-        parts = (self.formulation, self.closure, f"degree {self.transcription.degree}")
-        return ", ".join(part for part in parts if part)
+        return f"{self.kind.name}, degree {self.transcription.degree}"
+
+
+_REDUNDANT = (Explicit(), Multiplier())
+_CLOSURES = (KnotConstraints(), Projection(), Baumgarte(), AccelerationLevel())
+METHODS = tuple(
+    Method(kind, transcription)
+    for transcription, closures in ((LINEAR, _CLOSURES), (QUADRATIC, _CLOSURES[:1]))
+    for kind in (
+        Flat(),
+        Forward(),
+        *(Redundant(dynamics, closure) for dynamics in _REDUNDANT for closure in closures),
+    )
+)
+"""All that are compared."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One method on one mesh, evaluated in one mode.
+    """One method on one mesh.
 
     ``refined``: the mesh is, and the guess is the solution before; otherwise the mesh is uniform
     and the guess the baseline. ``failure``: what went wrong, empty if nothing. ``seconds``: wall
     time, of which ``evaluation_seconds`` in functions. ``gap``: safe duration / reference - 1.
-    ``active_rows``, ``rank``: of the active Jacobian, None on fine meshes.
     """
 
     case: str
     method: Method
     intervals: int
     refined: bool
-    compiled: bool
     failure: str
     seconds: float
     evaluation_seconds: float = inf
@@ -110,41 +103,15 @@ class Row:
     hessian_nonzeros: int = 0
     quality: Quality = field(default_factory=Quality)
     gap: float = inf
-    active_rows: int | None = None
-    rank: int | None = None
 
 
 @dataclass(frozen=True)
 class PlanStudy:
-    """All rows, and for each case its reference and the seconds of compiling."""
+    """All rows, the reference of each case, and the seconds that it took."""
 
     rows: list[Row]
     references: dict[str, Reference]
-    compile_seconds: dict[str, float]
     seconds: float
-
-
-def methods() -> list[Method]:
-    """Return all methods that are compared."""
-
-    def redundant(
-        formulation: str,
-        equations: Callable[[ScaledMechanism, LoopClosure], Equations],
-        closure: LoopClosure,
-        transcription: PiecewiseAcceleration,
-    ) -> Method:
-        return Method(formulation, closure.name, transcription, lambda s: equations(s, closure))
-
-    found = []
-    for transcription in (LINEAR, QUADRATIC):
-        closures = CLOSURES if transcription is LINEAR else CLOSURES[:1]
-        found += [
-            Method("flat", "", transcription, flat_equations),
-            Method("forward", "", transcription, forward_equations),
-            *(redundant("explicit", explicit_equations, c, transcription) for c in closures),
-            *(redundant("multiplier", multiplier_equations, c, transcription) for c in closures),
-        ]
-    return found
 
 
 def compare_plans(
@@ -154,55 +121,19 @@ def compare_plans(
     refinements: int = REFINEMENTS,
     progress: Progress = lambda done, what: None,
 ) -> PlanStudy:
-    """Solve every case with every method on every mesh.
-
-    Without a C compiler compiled times are left out. ``tolerance``: of the reference's gap.
-    """
+    """Solve every case with every method on every mesh. ``tolerance``: of the reference's gap."""
     begin = perf_counter()
-    rows: list[Row] = []
-    references: dict[str, Reference] = {}
-    compile_seconds: dict[str, float] = {}
+    rows, references = list[Row](), dict[str, Reference]()
     for i, case in enumerate(cases):
-
-        def tell(done: float, what: str, i: int = i, name: str = case.name) -> None:
-            progress((i + done) / len(cases), f"{name}: {what}")
-
-        tell(0.0, "reference")
+        progress(i / len(cases), f"{case.name}: reference")
         references[case.name] = reference = find_reference(case, tolerance)
         bench = _Bench(case, reference, uniform, refinements)
-        formulations = {m.equations_key: m.build(case.system) for m in reversed(methods())}
-        modes = [{key: interpreted(e) for key, e in formulations.items()}]
-        if compiler() is not None:
-            tell(0.1, "compiling")
-            compiling = perf_counter()
-            for equations in formulations.values():
-                equations.derive()
-            compile_seconds[case.name] = perf_counter() - compiling
-            modes.append(formulations)
-        for j, method in enumerate(methods()):
-            tell(0.2 + 0.8 * j / len(methods()), str(method))
-            rows += bench.rows(method, modes)
+        equations = {method.kind: method.kind.equations(case.system) for method in METHODS}
+        for j, method in enumerate(METHODS, 1):
+            progress((i + j / (1 + len(METHODS))) / len(cases), f"{case.name}: {method}")
+            rows += bench.rows(method, _Solver(case, equations[method.kind], method.transcription))
     progress(1.0, "done")
-    return PlanStudy(rows, references, compile_seconds, perf_counter() - begin)
-
-
-@dataclass(frozen=True)
-class _InterpretedPointFunction(PointFunction):
-    """A point function r(y, p) whose derivatives are not compiled."""
-
-    @cached_property
-    def derivatives(self) -> list[tuple[ca.Function, ca.Sparsity]]:
-        return self.derived
-
-
-def interpreted(equations: Equations) -> Equations:
-    """Return the same equations with no point function compiled."""
-    points: dict[str, Any] = {}
-    for each in fields(equations):
-        value = getattr(equations, each.name)
-        if isinstance(value, PointFunction):
-            points[each.name] = _InterpretedPointFunction(value.name, value.function)
-    return replace(equations, **points)
+    return PlanStudy(rows, references, perf_counter() - begin)
 
 
 def find_reference(case: Case, tolerance: float) -> Reference:
@@ -210,10 +141,10 @@ def find_reference(case: Case, tolerance: float) -> Reference:
     is within the tolerance, or five times."""
     if case.reference is not None:
         return case.reference()
-    solver = _Solver(case, flat_equations(case.system), LINEAR)
+    solver = _Solver(case, Flat().equations(case.system), LINEAR)
     mesh, guess = np.full(40, 1 / 40), case.guess
     for _ in range(5):
-        solved = solver.solve(mesh, guess, FAR if guess is case.guess else NEAR)
+        solved = solver.solve(mesh, guess)
         guess, factor = solved.motion, case.safe_factor(solved.motion)
         gap = factor - 1 + solved.lost.total
         if gap <= tolerance:
@@ -228,7 +159,6 @@ class _Solved:
 
     problem: CollocationProblem
     program: Program
-    bounds: tuple[Array, Array]
     solution: IpoptSolution
     motion: PiecewisePolynomial
     lost: ErrorEstimate
@@ -242,36 +172,31 @@ class _Solver:
     equations: Equations
     transcription: PiecewiseAcceleration
 
-    def solve(self, mesh: Array, guess: PiecewisePolynomial, options: Options) -> _Solved:
+    def solve(self, mesh: Array, guess: PiecewisePolynomial) -> _Solved:
+        """From the case's own guess, which is far, or from a solution, which is near."""
         task, problem = self.case.task, self.equations.on(mesh, self.transcription)
-        bounds = problem.bounds(task)
-        program = problem.program_with(options)
-        solution = program.solve(problem.pack(guess, task), *bounds, task.p)
+        program = problem.program_with(FAR if guess is self.case.guess else NEAR)
+        solution = program.solve(problem.pack(guess, task), *problem.bounds(task), task.p)
         motion = Meter(self.case).independent(problem, problem.unpack(solution.z, task))
         lost = self.case.lost(motion, problem.multipliers(solution))
-        return _Solved(problem, program, bounds, solution, motion, lost)
+        return _Solved(problem, program, solution, motion, lost)
 
 
+@dataclass(frozen=True)
 class _Bench:
     """Solves one case with any method."""
 
-    def __init__(
-        self, case: Case, reference: Reference, uniform: Sequence[int], refinements: int
-    ) -> None:
-        self.case, self.reference, self.meter = case, reference, Meter(case)
-        self.uniform, self.refinements = uniform, refinements
+    case: Case
+    reference: Reference
+    uniform: Sequence[int]
+    refinements: int
 
-    def rows(self, method: Method, modes: list[Formulations]) -> list[Row]:
-        """Solve on uniform meshes from the straight line, the finest in every mode, others in the
-        last; then, in the last mode, on meshes with knots where this method's motion switches."""
-        found: list[Row] = []
-        last: _Solved | None = None
+    def rows(self, method: Method, solver: _Solver) -> list[Row]:
+        """Solve on uniform meshes from the straight line, then on meshes with knots where this
+        method's motion switches."""
+        found, last = list[Row](), None
         for n in self.uniform:
-            mesh = np.full(n, 1 / n)
-            if n == self.uniform[-1]:
-                for i, mode in enumerate(modes[:-1]):
-                    self._mesh(found, method, mode, i > 0, mesh, self.case.guess)
-            last = self._mesh(found, method, modes[-1], len(modes) > 1, mesh, self.case.guess)
+            last = self._mesh(found, method, solver, np.full(n, 1 / n), self.case.guess)
         for _ in range(self.refinements):
             if last is None or not found[-1].gap > AIM:
                 break
@@ -279,55 +204,42 @@ class _Bench:
             mesh = at_switches(last.problem.mesh, rows, last.lost, AIM)
             if len(mesh) > MOST_INTERVALS:
                 break
-            last = self._mesh(found, method, modes[-1], len(modes) > 1, mesh, last.motion)
+            last = self._mesh(found, method, solver, mesh, last.motion)
         return found
 
     def _mesh(
         self,
         found: list[Row],
         method: Method,
-        mode: Formulations,
-        compiled: bool,
+        solver: _Solver,
         mesh: Array,
         guess: PiecewisePolynomial,
     ) -> _Solved | None:
         """Add a row; the solution, if there is one."""
-        refined = guess is not self.case.guess
-        solver = _Solver(self.case, mode[method.equations_key], method.transcription)
+        solved_as = self.case.name, method, len(mesh), guess is not self.case.guess
         begin = perf_counter()
         try:
-            solved = solver.solve(mesh, guess, NEAR if refined else FAR)
+            solved = solver.solve(mesh, guess)
         except NotConverged as error:
-            seconds = perf_counter() - begin
-            name, n = self.case.name, len(mesh)
-            found.append(Row(name, method, n, refined, compiled, str(error), seconds))
+            found.append(Row(*solved_as, str(error), perf_counter() - begin))
             return None
-        found.append(self._row(method, solved, compiled=compiled, refined=refined))
-        return solved if isfinite(found[-1].gap) else None
-
-    def _row(self, method: Method, solved: _Solved, *, compiled: bool, refined: bool) -> Row:
-        case, problem, solution = self.case, solved.problem, solved.solution
-        quality = self.meter.quality(problem, solution.z)
-        failure, rank = "", None
-        if not isfinite(quality.safe_duration):
-            failure = "leaves the workspace, or no slowing keeps its limits"
-        if problem.variables.intervals <= RANK_AT_MOST:
-            rank = active_rank(solved.program, solution, solved.bounds, case.task.p)
-        return Row(
-            case.name,
-            method,
-            problem.variables.intervals,
-            refined,
-            compiled,
-            failure,
-            solution.seconds,
-            solution.spent.evaluation,
-            solution.iterations,
-            len(solution.z),
-            int(solved.program.jacobian.nnz_out(1)),
-            int(solved.program.hessian.nnz_out(0)),
-            quality,
-            quality.safe_duration / self.reference.duration - 1,
-            rank and rank[0],
-            rank and rank[1],
+        solution, quality = (
+            solved.solution,
+            Meter(self.case).quality(solved.problem, solved.solution.z),
         )
+        is_safe = isfinite(quality.safe_duration)
+        found.append(
+            Row(
+                *solved_as,
+                "" if is_safe else "leaves the workspace, or no slowing keeps its limits",
+                solution.seconds,
+                solution.spent.evaluation,
+                solution.iterations,
+                len(solution.z),
+                int(solved.program.jacobian.nnz_out(1)),
+                int(solved.program.hessian.nnz_out(0)),
+                quality,
+                quality.safe_duration / self.reference.duration - 1,
+            )
+        )
+        return solved if is_safe else None

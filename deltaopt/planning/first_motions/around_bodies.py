@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 from math import dist
 
 import numpy as np
@@ -27,7 +28,7 @@ from deltaopt.planning.first_motions.bands import (
     resampled,
     sampled,
 )
-from deltaopt.planning.first_motions.bows import bows
+from deltaopt.planning.first_motions.bows import PIECES, bows, is_same_way
 from deltaopt.planning.first_motions.initial_motion import roughly_fastest
 from deltaopt.planning.first_motions.passages import shortest_path, what_was_searched
 from deltaopt.problem.of_scene import problem_of
@@ -46,6 +47,8 @@ CLEAR = "clear of all bodies"
 """The name of a way that comes near none."""
 _SAME = 0.05
 """Of the way: paths that are nowhere farther apart are the same way."""
+_OF_EACH = 3
+"""How many ways are tried that can be pushed into each other: there may be several local optima."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,23 +86,35 @@ def ways_around(scene: Scene, first: Trajectory, free: Trajectory | None = None)
     if is_clear(scene, first):
         return [Way(first, ())]
     bodies = Bodies.of(scene)
-    bands = clear_bands(bodies, sampled(first))
-    found = list(_drawn_ways(scene, bodies, bands)) or list(_through_passages(scene, bodies))
-    found += _drawn_ways(scene, bodies, bows(bodies, sampled(free or first)))
-    return sorted(found, key=lambda way: way.motion.duration)
+    bases = [sampled(motion) for motion in (first, free) if motion is not None]
+    bands = chain.from_iterable(clear_bands(bodies, base) for base in bases)
+    found = _drawn_ways(scene, bodies, bands) or list(_through_passages(scene, bodies))
+    return _some_of_each(bodies, found + _drawn_ways(scene, bodies, bows(bodies, bases[-1])))
 
 
-def _drawn_ways(scene: Scene, bodies: Bodies, paths: Iterable[Array]) -> Iterator[Way]:
+def _some_of_each(bodies: Bodies, ways: list[Way]) -> list[Way]:
+    """The ways, the fastest first; of those that can be pushed into each other the fastest ones
+    alone: most of the others lead to the same motions."""
+    found = list[tuple[Way, Array]]()
+    for way in sorted(ways, key=lambda way: way.motion.duration):
+        path = resampled(sampled(way.motion), PIECES)
+        if sum(is_same_way(bodies, path, other) for _, other in found) < _OF_EACH:
+            found.append((way, path))
+    return [way for way, _ in found]
+
+
+def _drawn_ways(scene: Scene, bodies: Bodies, paths: Iterable[Array]) -> list[Way]:
     """The ways along paths (n, 3), m, as far as they can be driven; those that are much the same
     once."""
-    known = list[Array]()
+    known, found = list[Array](), list[Way]()
     for path in paths:
         if any(np.abs(path - other).max() < _SAME * bodies.way for other in known):
             continue
         known.append(path)
         motion = _driven(scene, path)
         if motion is not None:
-            yield Way(motion, bodies.sides(path))
+            found.append(Way(motion, bodies.sides(path)))
+    return found
 
 
 def clear_motions(scene: Scene, motions: Iterator[Trajectory], number: int) -> Iterator[Trajectory]:

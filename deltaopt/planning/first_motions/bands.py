@@ -49,6 +49,9 @@ _SHARES, _BESIDE = (0.25, 0.5, 1.0), 4
 which leads through a plate at an angle still does when they are shifted."""
 _NEAR = 0.1
 """Of the way: bodies that a path comes nearer to are named."""
+_ALIGNED, _BACK, _SMALL = 0.03, 3, 1e-6
+"""Squared sine of the angle between arm and bars that bands keep, if start and goal do; how many
+steps at once bring them back to it; and of the way, a difference by which its slope is found."""
 
 
 Hit = tuple[int, int, int]
@@ -121,9 +124,30 @@ class Bodies:
                 distance, slope = self.distances(inner)
                 short = np.maximum(self.margins(inner) - distance, 0.0)
                 worst, which = short.argmax(axis=1), np.arange(len(inner))
-                inner = inner + short[which, worst, None] * slope[which, worst]
+                inner = self.in_reach(inner + short[which, worst, None] * slope[which, worst])
                 bands[:, 1:-1] = inner.reshape(len(bands), -1, 3)
         return bands
+
+    def in_reach(self, places: Array) -> Array:
+        """Places, (…, 3), m, moved as little as it takes for arms and bars to be no more in line
+        than ``_ALIGNED``, or than at an end, as far as the first derivative tells."""
+        found, small = places.reshape(-1, 3), _SMALL * self.way
+        alignments = problem_of(self.scene).model.alignments
+        for _ in range(_BACK):
+            short = self._aligned - alignments(found)
+            out = short.max(axis=1) > 0
+            if not out.any():
+                break
+            x, short = found[out], short[out].max(axis=1, keepdims=True)
+            beside = [alignments(x + step).min(axis=1) for step in np.diag([small] * 3)]
+            slope = (np.stack(beside, axis=1) - (self._aligned - short)) / small
+            found[out] = x + short * slope / (slope**2).sum(axis=1, keepdims=True)
+        return found.reshape(places.shape)
+
+    @cached_property
+    def _aligned(self) -> float:
+        at_ends = problem_of(self.scene).model.alignments(self.ends)
+        return min(_ALIGNED, float(at_ends.min()) / 2)
 
     def hits(self, bands: Array) -> list[Hit | None]:
         """What each of some bands, (W, n, 3), runs into first; None where it is clear."""
@@ -259,7 +283,7 @@ def clear_bands(bodies: Bodies, base: Array) -> Iterator[Array]:
         bent += len(candidates)
         if not candidates:
             return
-        bowed = np.array(candidates)
+        bowed = bodies.in_reach(np.array(candidates))
         drawn = bodies.drawn(bowed, TENSIONS)
         hits = bodies.hits(np.concatenate([drawn, bowed]))
         front = []

@@ -29,7 +29,7 @@ _SIDES = 8
 """Sides to which a path is shifted: with four, ways past a body beside two others are missed."""
 _PEAKS = np.array([0.3, 0.5, 0.7])
 """Shares of the path at which it is shifted most."""
-_PIECES = 24
+PIECES = 24
 """Of a path, at whose ends it is looked at first."""
 _MARGIN = 0.01
 """How far bows stay from bodies where there is room, as a share of the way from start to goal."""
@@ -39,7 +39,7 @@ _BETWEEN = np.linspace(0.0, 1.0, 7)[1:-1]
 
 def bows(bodies: Bodies, base: Array) -> list[Array]:
     """Distinct bows of a path (N, 3), m, at equal distances (n, 3), the one bent least first."""
-    path = resampled(base, _PIECES)
+    path = resampled(base, PIECES)
     shifted = _shifted(path, bodies.way)  # (sizes, peaks and sides, n, 3)
     clear = _are_clear(replace(bodies, margin=_MARGIN), shifted)
     found = list[Array]()
@@ -48,7 +48,7 @@ def bows(bodies: Bodies, base: Array) -> list[Array]:
         if least[which] == len(_SIZES):
             break
         bow = shifted[least[which], which]
-        if not any(_is_same_way(bodies, bow, other) for other in found):
+        if not any(is_same_way(bodies, bow, other) for other in found):
             found.append(bow)
     return [resampled(bow) for bow in found]
 
@@ -77,7 +77,7 @@ def _are_clear(bodies: Bodies, paths: Array) -> Truths:
     return found
 
 
-def _is_same_way(bodies: Bodies, one: Array, other: Array) -> bool:
+def is_same_way(bodies: Bodies, one: Array, other: Array) -> bool:
     """Whether all lines between two paths, (n, 3) each, are clear of bodies, by samples."""
     between = one[1:-1, None] + _BETWEEN[:, None] * (other - one)[1:-1, None]
     distance = bodies.distances(between.reshape(-1, 3))[0].reshape(*between.shape[:-1], -1)

@@ -51,16 +51,20 @@ _FAST = InteriorPoint()
 
 FAR = Settings(barrier=0.2, closest=0.3)
 NEAR = Settings(barrier=0.1, closest=0.01)
+TRIAL = Settings(barrier=3.0, closest=0.1)
 CLOSE = Settings(barrier=0.01, closest=0.001)
 ALMOST = Settings(barrier=3e-4, closest=3e-4, iterations=12)
 """Barrier parameter and distance from the bounds where the interior-point method begins, from a
-guess that is far from a solution, near one, one on this very mesh, or one but for limits that were
-moved, whose multipliers are known. A larger barrier is safer, a smaller one saves iterations. From
+guess that is far from a solution, near one, past bodies but perhaps far, one on this very mesh, or
+one but for limits that were moved, whose multipliers are known. A larger barrier is safer, a smaller one saves iterations. From
 the last one three iterations are usual, and after these twelve a motion that keeps its limits will
 do."""
 _FROM_FAR = (FAR, Settings(barrier=0.5, closest=0.6), Settings(barrier=3.0, closest=0.6))
 _FROM_NEAR = (NEAR, Settings(barrier=3.0, closest=0.6), FAR)
-"""Settings to begin with, in order. Where the method does not converge with the first, another
+_FOR_TRIAL = (TRIAL, Settings(barrier=3.0, closest=0.6), NEAR)
+"""Settings to begin with, in order. Of first motions of 320 ways past bodies the trial's setting
+solves 95 % in 20 iterations, that of a near guess 57 % in 44: with a small barrier the motion
+creeps along a body. Where the method does not converge with the first, another
 mostly does, in far less time than Ipopt, which comes last."""
 _IPOPT_INSTEAD = 100
 """Number of intervals of the finest mesh that Ipopt is given where the method does not converge. On
@@ -191,6 +195,7 @@ class FlatProblem:
         Raises NotConverged.
         """
         begins: tuple[Settings, ...] = _FROM_NEAR if guess.near else _FROM_FAR
+        begins = _FOR_TRIAL if guess.is_trial else begins
         if guess.multipliers is not None:
             begins = ALMOST, *begins
         elif guess.on_its_mesh:

@@ -40,6 +40,11 @@ class Collocated(ABC):
     """A formulation whose differential equations hold at the nodes of every interval."""
 
     @property
+    @abstractmethod
+    def name(self) -> str:
+        """Such as "explicit, constraints at knots"."""
+
+    @property
     def solvers(self) -> tuple[type[Ipopt] | type[InteriorPoint], ...]:
         """Kinds of solver that can be asked for: Ipopt alone."""
         return (Ipopt,)

@@ -13,7 +13,7 @@ exceeds its limits less between points.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
@@ -97,13 +97,6 @@ class Equations:
     closure: LoopClosure | None = None
     acceleration: PointFunction | None = None
     at_knots: PointFunction | None = None
-
-    def derive(self) -> None:
-        """Differentiate and compile all point functions now rather than at the first solve."""
-        values = [getattr(self, f.name) for f in fields(self)]
-        for value in [*values, *(each.function for each in self.limits)]:
-            if isinstance(value, PointFunction):
-                _ = value.hessian
 
     def on(
         self, mesh: Array, transcription: PiecewiseAcceleration, cost: Cost = FASTEST
