@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.curves.halving import bisected_number
+from deltaopt.files.validated_record import Vector3
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.robot.model import model_of
 from deltaopt.scene.known_limits import limits_of
@@ -24,6 +25,8 @@ from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
 
 Array = NDArray[np.float64]
+_Forces = tuple[Array, Array]
+"""Torque on each arm, (3,), N·m, and force on the platform, (3,), N."""
 
 _SPLITS = np.linspace(-1.0, 1.0, 9)
 """How the inertia of the bars is shared between arms and platform: 0 half each, ±1 as unevenly as
@@ -51,11 +54,23 @@ def lower_bound(scene: Scene) -> float:
     task = scene.task
     if not task.is_at_rest:
         return scene.least_duration
-    way = _Way.of(scene)
+    way = _Way.of(scene, given_points(task))
     if way is None:
         return scene.least_duration
     bounds = (_by_work(way), _by_speed(way), _by_power(way), _by_platform(way))
     return max(scene.least_duration, *bounds)
+
+
+@lru_cache(maxsize=32)
+def soonest(scene: Scene, place: Vector3) -> float:
+    """A duration in s below which no motion from rest at the start gets to a place (m), at whatever
+    velocity: by work alone, the first half of the bound from rest to rest.
+
+    0 where something that acts on the robot does not say how much it can give. Raises Unreachable
+    where start or place is.
+    """
+    way = _Way.of(scene, (scene.task.start.position, place))
+    return 0.0 if way is None else _work_bound(way, (way.gaining,))
 
 
 @dataclass(frozen=True)
@@ -90,10 +105,11 @@ class _Way:
     acceleration: float
 
     @classmethod
-    def of(cls, scene: Scene) -> _Way | None:
-        """None where the model has something that may act without bound, or that is not known."""
+    def of(cls, scene: Scene, points: tuple[Vector3, Vector3]) -> _Way | None:
+        """Between two points, m; None where the model has something that may act without bound, or
+        that is not known."""
         model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
-        energies, ends = model.energies, np.array(given_points(scene.task))
+        energies, ends = model.energies, np.array(points)
         if energies is None:
             return None
         start, goal = model.inverse_kinematics(ends)[:, model.functions.motors]
@@ -114,6 +130,15 @@ class _Way:
             platform_speed=float(_upper(limits, "platform speed", 1)[0]),
             acceleration=float(_upper(limits, "acceleration", 1)[0]),
         )
+
+    @property
+    def gaining(self) -> _Forces:
+        """What a motion gains energy by."""
+        return self.torque, self.weight
+
+    def losing(self, speed: Array | float) -> _Forces:
+        """What it loses energy by, with arms of this speed at most, rad/s."""
+        return self.torque + self.braking + self.viscous * speed, -self.weight
 
     def inertias(self, split: Array) -> tuple[Array, Array]:
         """Inertia of an arm, kg·m², and mass of the platform with what counts of the bars, kg.
@@ -144,7 +169,7 @@ def _by_work(way: _Way) -> float:
     duration is possible below the one at which it is met.
     """
     if not way.viscous:
-        return _work_bound(way, way.torque + way.braking)
+        return _work_bound(way, (way.gaining, way.losing(0.0)))
     inertia = float(way.inertias(np.zeros(1))[0][0])
     if not inertia and not np.isfinite(way.speed).all():
         return 0.0
@@ -153,7 +178,7 @@ def _by_work(way: _Way) -> float:
     def bound(duration: float) -> float:
         fastest = first * duration / np.sqrt(inertia) if inertia else np.inf
         speed = np.minimum(way.speed, fastest)
-        return _work_bound(way, way.torque + way.braking + way.viscous * speed)
+        return _work_bound(way, (way.gaining, way.losing(speed)))
 
     return _first_possible(lambda duration: bound(duration) <= duration, bound(0.0))
 
@@ -164,10 +189,10 @@ def _energy_rate(way: _Way, torque: Array, inertia: float, mass: float) -> float
     return float(np.sqrt(squares))
 
 
-def _work_bound(way: _Way, braking: Array) -> float:
+def _work_bound(way: _Way, phases: tuple[_Forces, ...]) -> float:
     """The largest over all directions and splits of √(2 p·W (1/k₁ + 1/k₂)).
 
-    ``braking``: torque of motor, gravity and friction on each arm that slows a motion, (3,), N·m.
+    ``phases``: what acts while energy is gained and, where that is asked for, lost again.
     """
     inertia, mass = (each[:, None] for each in way.inertias(_SPLITS))
     kept = (inertia > 0).ravel()
@@ -177,7 +202,7 @@ def _work_bound(way: _Way, braking: Array) -> float:
     progress = directions @ (np.concatenate([way.arms, way.platform]) * roots)[:, :, None]
     size = np.linalg.norm(directions, axis=2)
     longest = np.zeros(size.shape)
-    for torque, weight in ((way.torque, way.weight), (braking, -way.weight)):
+    for torque, weight in phases:
         work = np.concatenate([torque, weight]) / roots
         rate = np.linalg.norm(work, axis=1)[:, None]
         cosine = (directions @ work[:, :, None])[:, :, 0] / (rate * size)

@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from deltaopt.errors import DeltaOptError
-from deltaopt.motion.lower_bound import lower_bound
+from deltaopt.motion.lower_bound import lower_bound, soonest
 from deltaopt.planning.planner import Planner, plan
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import Robot, load_robot
@@ -128,6 +128,24 @@ def test_exact_for_three_equal_double_integrators():
     """Full torque half the way and against it the other half: T = 2 √(Δθ I / τ)."""
     scene, angle = straight_down(heavy_drives())
     assert_allclose(lower_bound(scene), 2 * sqrt(angle * 5.0 / 40.0), rtol=1e-6)
+
+
+def test_the_soonest_that_a_place_is_passed_is_exact_for_them():
+    """Full torque all the way: T = √(2 Δθ I / τ)."""
+    scene, angle = straight_down(heavy_drives())
+    assert_allclose(soonest(scene, scene.goal), sqrt(2 * angle * 5.0 / 40.0), rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["every term", "unequal motors", "rl5"])
+def test_no_plan_passes_a_place_sooner(name):
+    """Of places at which plans from rest pass at the speed that they have there."""
+    planner = Planner(VARIANTS[name], tolerance=1e-2)
+    for scene in random_scenes(planner.robot, None, 4, 7):
+        found = planner.plan(scene.start, scene.goal).trajectory
+        for share in (0.2, 0.5, 0.8):
+            t = share * found.duration
+            place = tuple(found(t).x.tolist())
+            assert 0.0 < soonest(scene, place) < t
 
 
 def test_exact_with_a_speed_limit():

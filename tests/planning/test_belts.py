@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,10 @@ from deltaopt import (
     plan,
     verify,
 )
+from deltaopt.errors import if_possible
+from deltaopt.motion.lower_bound import soonest
 from deltaopt.planning.first_motions.belt import Meetings, not_met
+from deltaopt.planning.loop import Loop
 from deltaopt.robot.model import delta_model
 from studies.bench.hard_moves import move
 
@@ -157,5 +162,36 @@ def test_met_later_where_no_first_motion_leads_there(seed: int, number: int):
 
 
 def test_told_how_nearly_a_belt_is_met():
-    with pytest.raises(DeltaOptError, match=r"take 3.73 times as long as the belt, or more, 0.244"):
-        plan(move(2, 373).scene)
+    """By what the lower bound does not rule out: within reach for 75 ms, and 0.5 m away."""
+    with pytest.raises(DeltaOptError) as error:
+        plan(towards((0.85, 0.2, 0.2), (0, 2.0, 0), start=(0.85, -0.2, -0.2)))
+    told = r"take (\S+) times as long as the belt, or more, (\S+) instead of (\S+) s"
+    times, takes, there = map(float, re.search(told, str(error.value)).groups())
+    assert 1.5 < times == pytest.approx(takes / there, rel=0.02)
+    assert there <= 0.0754
+
+
+def test_a_belt_that_no_motion_gets_to_in_time_is_refused_unsolved(monkeypatch):
+    """The lower bound proves it of all places at which the belt can be met."""
+    monkeypatch.delattr(Loop, "made")
+    away = towards((0.85, 0.2, 0.2), (0, 2.5, 0), start=(0.85, -0.25, -0.25))
+    said = refusal(away)
+    assert "too late: positions and speeds allow to meet it from 0 to 0.0" in said
+    least = float(re.search(r"takes less than (\S+) s", said).group(1))
+    assert least >= Meetings.of(away, away.task.goal).durations[-1]
+    assert least == pytest.approx(soonest(away, away.goal.at), rel=0.2)
+
+
+def test_out_of_reach_no_belt_is_met_though_no_limit_says_so():
+    """By inverse kinematics, of a robot without a limit of speed."""
+    drive = SCENE.robot.drive.model_copy(update={"speed": None})
+    robot = SCENE.robot.model_copy(update={"drive": drive})
+    scene = towards((0.85, 0.05, 0.0), (0, 0, 1.0), robot=robot)
+    meetings, model = Meetings.of(scene, scene.task.goal), delta_model(robot, None)
+    closes = [
+        if_possible((DeltaOptError,), model.inverse_kinematics, np.array([[0.85, 0.05, t]]))
+        is not None
+        for t in meetings.times.tolist()
+    ]
+    assert meetings.possible.tolist() == closes
+    assert 0.1 < np.mean(closes) < 0.9

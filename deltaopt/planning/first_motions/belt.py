@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import DeltaOptError, Infeasible, NotConverged, in_words
 from deltaopt.motion.loads import sizes_at
+from deltaopt.motion.lower_bound import soonest
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.feasibility import exceeded
 from deltaopt.scene.known_limits import limits_of
@@ -29,8 +30,8 @@ class Meetings:
 
     ``times``: when the goal is there, s after the motion's start, increasing; none if it never
     comes near. ``near``: how near the base's centre that is, m. ``sizes``: of the limits of
-    position and speed with the platform there at the belt's velocity, 1 at a limit, (N, rows); not
-    a number out of reach.
+    position and speed with the platform there at the belt's velocity, 1 at a limit, (N, rows), 0 of
+    others; not a number out of reach.
     """
 
     scene: Scene
@@ -50,7 +51,8 @@ class Meetings:
         line = np.array([[goal.at(times[0], goal.position).position, goal.velocity]])
         fractions = since / since[-1]
         sizes = sizes_at(problem_of(scene), line, since[-1:], fractions)[0]
-        return cls(scene, goal, near, times, sizes[:, limits_of(scene).constraints.orders < 2])
+        counted = limits_of(scene).constraints.orders < 2
+        return cls(scene, goal, near, times, sizes * counted)  # out of reach is out of reach
 
     @cached_property
     def possible(self) -> NDArray[np.bool]:
@@ -70,21 +72,42 @@ class Meetings:
         inside = len(self.times) and self.times[0] <= duration <= self.times[-1]
         return bool(inside and self.possible[nearest])
 
+    def within(self, durations: Array) -> Array:
+        """Those of some durations, s, after which it can be met as far as the places tell."""
+        return np.array([each for each in durations.tolist() if self.is_possible_at(each)])
+
     def require_any(self) -> Meetings:
-        """These themselves; raises Infeasible where the belt cannot be met, with what was looked
-        at."""
+        """These themselves; raises Infeasible where the belt cannot be met, or not as soon as it is
+        gone, with what was looked at."""
         if not len(self.times):
             raise Infeasible(
                 f"goal: the point at {self.goal.description} is never within {self.near:.3g} m of "
                 "the base's centre, farther than the chains reach"
             )
         if self.possible.any():
-            return self
+            return self._require_in_time()
         begin, end = self.times[[0, -1]]
         raise Infeasible(
             f"goal: the platform can nowhere meet {self.goal.description}: at none of "
             f"{len(self.times)} places of its way within {self.near:.3g} m of the base's centre, "
             f"which it passes {begin:.3g} to {end:.3g} s after the start, {self._least_excess}"
+        )
+
+    def _require_in_time(self) -> Meetings:
+        """These themselves; raises Infeasible where no motion from rest gets to the belt before it
+        can no longer be met, nor between two of the places that are looked at."""
+        if self.scene.task.start.velocity != REST:
+            return self
+        step, allowed = self.times[1] - self.times[0], self.times[self.possible]
+        least = list[float]()
+        for time in allowed[::-1].tolist():
+            least.append(soonest(self.scene, self.goal.at(time, self.goal.position).position))
+            if least[-1] <= time + step:
+                return self
+        raise Infeasible(
+            f"goal: the platform gets to {self.goal.description} too late: positions and speeds "
+            f"allow to meet it {self.in_words}, but from rest no motion to any of these places "
+            f"takes less than {min(least):.3g} s"
         )
 
     @property

@@ -106,7 +106,7 @@ def shortest_to_goal(scene: Scene, family: Family) -> Trajectory | None:
     meetings = Meetings.of(scene, goal).require_any()
     if found is not None and meetings.is_possible_at(found.duration):
         return found
-    return shortest_of(scene, family, meetings.durations) or found
+    return shortest_of(scene, family, meetings.durations, meetings.within) or found
 
 
 def _waiting(scene: Scene) -> Iterator[Trajectory]:
@@ -244,12 +244,17 @@ def _quintics(states: States) -> Family:
     return lambda durations: (_coefficients(states, durations)[:, None], durations[:, None])
 
 
-def shortest_of(scene: Scene, family: Family, durations: Array = _COARSE) -> Trajectory | None:
+def shortest_of(
+    scene: Scene,
+    family: Family,
+    durations: Array = _COARSE,
+    possible: Callable[[Array], Array] = np.asarray,
+) -> Trajectory | None:
     """The shortest motion of a family that nearly keeps the limits at samples, or the one that
     exceeds them least; None if none stays within reach. ``durations``: that are looked at first, s,
-    increasing."""
-    best = _best(scene, family, durations) if len(durations) else None
-    best = None if best is None else _best(scene, family, best * _FINE)
+    increasing; others near the best of them are looked at then, as far as they are ``possible``."""
+    best = _best(scene, family, durations)
+    best = None if best is None else _best(scene, family, possible(best * _FINE))
     if best is None:
         return None
     coefficients, lengths = family(np.array([best]))
@@ -259,7 +264,9 @@ def shortest_of(scene: Scene, family: Family, durations: Array = _COARSE) -> Tra
 
 
 def _best(scene: Scene, family: Family, durations: Array) -> float | None:
-    """The best of some durations (s), increasing."""
+    """The best of some durations (s), increasing; None of none, and if none stays within reach."""
+    if not len(durations):
+        return None
     coefficients, lengths = family(durations)
     pieces = coefficients.reshape(-1, *coefficients.shape[2:])
     sizes = sizes_at(problem_of(scene), pieces, lengths.ravel(), _SAMPLES)
