@@ -1,7 +1,8 @@
-"""The same fastest speeds as ``sweep.c`` finds, without a compiler: by a linear program.
+"""The fastest speeds that ``sweep.c`` finds, without a compiler: by a linear program.
 
-With b linear and u piecewise linear in s the largest b at all nodes is that of the largest sum. Of
-all u that lead from node to node, those of a cell are chosen that are nearest to each other.
+The largest b at all nodes is that of the largest sum. Of all u that lead from node to node, those
+of a cell are chosen that are nearest to each other. Speeds are the same but where u may change
+little in a cell: the sweep leaves something to spare there, of the duration some 1e-6.
 """
 
 from __future__ import annotations
