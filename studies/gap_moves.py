@@ -124,14 +124,6 @@ def move(seed: int, number: int) -> Move:
     )
 
 
-def move_of_random_robot(seed: int, number: int) -> Move:
-    """The move of this number, each of a robot of its own of random proportions, with its payload;
-    every second one with a limit of speed. Raises Infeasible as ``move``."""
-    rng = np.random.default_rng([seed, number])
-    stratum, limited = STRATA[number % len(STRATA)], bool(number // len(STRATA) % 2)
-    return _drawn(rng, number, stratum, lambda: random_kind(rng), loaded=True, limited=limited)
-
-
 def _drawn(
     rng: np.random.Generator,
     number: int,

@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from deltaopt.cli.arguments import positive
-
 PROBLEMS = Path(__file__).parents[1] / "problems"
 SCENES = tuple(
     PROBLEMS / f"{name}.yaml"
@@ -33,18 +31,6 @@ def add_scenes(parser: argparse.ArgumentParser, default: tuple[Path, ...] = SCEN
 def add_robots(parser: argparse.ArgumentParser) -> None:
     """Add ROBOT..., both documented ones where none is given."""
     _add_files(parser, "robot", ROBOTS)
-
-
-def add_tolerances(parser: argparse.ArgumentParser, default: tuple[float, ...]) -> None:
-    """Add --tolerances, of which the last stands for the optimum."""
-    parser.add_argument(
-        "--tolerances",
-        nargs="+",
-        type=positive,
-        default=default,
-        metavar="GAP",
-        help=f"largest first; the last stands for the optimum (default: {default})",
-    )
 
 
 def add_directory(parser: argparse.ArgumentParser, name: str, what: str = "files") -> None:

@@ -7,7 +7,7 @@ from functools import cache, cached_property
 from pathlib import Path
 
 import deltaopt
-from deltaopt.compare.plans.cases import FiveBarTask, delta_case
+from deltaopt.compare.plans.cases import delta_case, five_bar_case
 from deltaopt.planning.nlp.points import PointFunction
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
@@ -17,7 +17,7 @@ PROBLEMS = Path(__file__).parents[1] / "problems"
 def case(scene):
     """By the name of its file, or five_bar."""
     if scene == "five_bar":
-        return FiveBarTask().case
+        return five_bar_case()
     return delta_case(scene, deltaopt.load_scene(PROBLEMS / f"{scene}.yaml"))
 
 

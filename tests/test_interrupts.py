@@ -12,8 +12,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from deltaopt.dynamics.exclusive_use import Copies
-from deltaopt.dynamics.precise_integrator import PreciseIntegrator
+from deltaopt.dynamics.precise_integrator import Copies, PreciseIntegrator
 from deltaopt.interrupts.requests import (
     Stopped,
     interrupts_not_lost,

@@ -56,6 +56,7 @@ from deltaopt.planning.flat.method_source import source
 from deltaopt.planning.nlp.transcription import LINEAR
 from deltaopt.planning.planner import plan
 from deltaopt.problem.of_scene import problem_of
+from deltaopt.report.modelled import not_modelled
 from deltaopt.robot.catalogue import Reduction, reductions
 from deltaopt.robot.drive import Drive, Friction
 from deltaopt.robot.model import delta_model
@@ -72,7 +73,6 @@ from deltaopt.verify.measures import MeasuredMotion
 Array = NDArray[np.float64]
 
 _ORDERS = ("position", "velocity", "acceleration or torque", "rate of these")
-_NEVER = "elasticity, play"
 _ROUGH = 0.1
 """Tolerance of a plan that shows that there is a motion: a coarse one keeps all limits too."""
 
@@ -282,7 +282,7 @@ def _description(scene: Scene) -> list[tuple[str, str]]:
         ("inertia", _inertias(parameters)),
         ("gravity", _gravity(parameters)),
         ("machine code", describe(default_method(scene))),
-        ("left out", ", ".join([*_absent(parameters, scene.robot.drive), _NEVER])),
+        ("left out", ", ".join(not_modelled(scene))),
         *([("rotation", _rotation(scene.rotation))] if scene.rotation else []),
         ("baseline", _baseline(scene)),
     ]
@@ -356,17 +356,6 @@ def _gravity(p: DeltaParameters) -> str:
     if p.g_y is None and p.g_z is None:
         return f"{p.g:g} m/s² downward (+x)"
     return f"{in_words(np.array(ca.DM(p.gravity)).ravel())} m/s² in the base's frame"
-
-
-def _absent(p: DeltaParameters, drive: Drive) -> list[str]:
-    """Names of the terms that a model can have and this one has not."""
-    terms: dict[str, object] = {
-        "payload": p.m2,
-        "bars' inertia about their length": p.I42,
-        "gravity": p.gravity,
-    }
-    terms |= {"friction": drive.friction, "inertia of motor and gear": drive.inertia}
-    return [name for name, value in terms.items() if value is None]
 
 
 def _rotation(rotation: Rotation) -> str:

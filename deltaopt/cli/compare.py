@@ -48,13 +48,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _plans(arguments: argparse.Namespace) -> int:
     """Solve the scenes in every formulation, print tables and save charts."""
-    from deltaopt.compare.plans.cases import FiveBarTask, delta_case
+    from deltaopt.compare.plans.cases import delta_case, five_bar_case
     from deltaopt.compare.plans.report import answer, csv, tables
     from deltaopt.compare.plans.study import compare_plans
     from deltaopt.plots.plans import draw
 
     cases = [
-        FiveBarTask().case if what == FIVE_BAR else delta_case(file.stem, load_fastest(file))
+        five_bar_case() if what == FIVE_BAR else delta_case(file.stem, load_fastest(file))
         for what, file in ((what, Path(what)) for what in arguments.what)
     ]
     directory = arguments.directory or Path("out/compare_plans")

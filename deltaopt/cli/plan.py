@@ -66,7 +66,7 @@ from deltaopt.planning.comparisons import beside_free_path
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.cycles.cycle_planning import plan_cycle
 from deltaopt.planning.first_motions.initial_motion import baseline
-from deltaopt.planning.formulations.choice import Flat, Forward, Redundant
+from deltaopt.planning.formulations.choice import Flat, Forward, ProblemFormulation, Redundant
 from deltaopt.planning.formulations.loop_closure import (
     AccelerationLevel,
     Baumgarte,
@@ -74,7 +74,7 @@ from deltaopt.planning.formulations.loop_closure import (
     LoopClosure,
     Projection,
 )
-from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt, ProblemFormulation, Solver
+from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt, Solver
 from deltaopt.planning.nlp.transcription import TRANSCRIPTIONS
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import Planner, plan

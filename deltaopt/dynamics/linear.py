@@ -81,38 +81,50 @@ class LeastNorm:
         return _least_norm(A.shape[0], self.tolerance)(A, b)
 
 
-@cache
-def _least_norm(n: int, tolerance: float) -> ca.Function:
-    """A, b -> x. Cached, for CasADi does not keep what it calls back alive."""
-    return _LeastNorm(n, tolerance)
+class _InNumPy(ca.Callback):
+    """A function of NumPy as one of CasADi, from matrices of some shapes to others."""
 
-
-class _LeastNorm(ca.Callback):
-    """NumPy's least squares as a CasADi function: much faster than a whole decomposition."""
-
-    def __init__(self, n: int, tolerance: float) -> None:
+    def __init__(
+        self,
+        of: Callable[..., list[Array]],
+        given: Sequence[tuple[int, int]],
+        found: Sequence[tuple[int, int]],
+    ) -> None:
         super().__init__()
-        self._n, self._tolerance = n, tolerance
+        self._of, self._given, self._found = of, given, found
         # Integrators ask for a derivative even if they never call it.
-        self.construct("least_norm", {"enable_fd": True})
+        self.construct("in_numpy", {"enable_fd": True})
 
     def get_n_in(self) -> int:
-        return 2
+        return len(self._given)
 
     def get_n_out(self) -> int:
-        return 1
+        return len(self._found)
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(self._n, 1 if i else self._n)
+        return ca.Sparsity.dense(*self._given[i])
 
     def get_sparsity_out(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(self._n, 1)
+        return ca.Sparsity.dense(*self._found[i])
 
     def eval(self, arguments: Sequence[ca.DM]) -> list[Array]:
-        A, b = (np.asarray(x.full()) for x in arguments)
-        if not (np.isfinite(A).all() and np.isfinite(b).all()):
-            return [np.full((self._n, 1), np.nan)]
-        return [np.linalg.lstsq(A, b, rcond=self._tolerance)[0]]
+        given = [np.asarray(x.full()) for x in arguments]
+        if not all(np.isfinite(each).all() for each in given):
+            return [np.full(shape, np.nan) for shape in self._found]
+        return self._of(*given)
+
+
+@cache
+def _least_norm(n: int, tolerance: float) -> ca.Function:
+    """A, b -> x by NumPy's least squares: much faster than a whole decomposition.
+
+    Cached, for CasADi does not keep what it calls back alive.
+    """
+
+    def least(A: Array, b: Array) -> list[Array]:
+        return [np.asarray(np.linalg.lstsq(A, b, rcond=tolerance)[0], np.float64)]
+
+    return _InNumPy(least, [(n, n), (n, 1)], [(n, 1)])
 
 
 @cache
@@ -123,35 +135,11 @@ def singular_directions(rows: int, columns: int, free: int, tolerance: float) ->
     and across whatever else has a singular value below ``tolerance`` times the largest.
     Cached, for CasADi does not keep what it calls back alive.
     """
-    return _SingularDirections(rows, columns, free, tolerance)
 
-
-class _SingularDirections(ca.Callback):
-    """NumPy's singular value decomposition as a CasADi function."""
-
-    def __init__(self, rows: int, columns: int, free: int, tolerance: float) -> None:
-        super().__init__()
-        self._shape, self._free, self._tolerance = (rows, columns), free, tolerance
-        self.construct("singular_directions", {"enable_fd": True})
-
-    def get_n_in(self) -> int:
-        return 1
-
-    def get_n_out(self) -> int:
-        return 2
-
-    def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(*self._shape)
-
-    def get_sparsity_out(self, i: int) -> ca.Sparsity:
-        rows, columns = self._shape
-        return ca.Sparsity.dense(columns, self._free if i else rows)
-
-    def eval(self, arguments: Sequence[ca.DM]) -> list[Array]:
-        A = np.asarray(arguments[0].full())
-        if not np.isfinite(A).all():
-            return [np.full(self.size_out(i), np.nan) for i in range(2)]
+    def directions(A: Array) -> list[Array]:
         U, sigma, V_T = np.linalg.svd(A)
-        across = A.shape[1] - self._free
-        rank = min(across, int(np.sum(sigma > self._tolerance * sigma[0])))
+        across = columns - free
+        rank = min(across, int(np.sum(sigma > tolerance * sigma[0])))
         return [(V_T[:rank].T / sigma[:rank]) @ U[:, :rank].T, V_T[across:].T]
+
+    return _InNumPy(directions, [(rows, columns)], [(columns, rows), (columns, free)])

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from deltaopt.dynamics.consistency import Array
-from deltaopt.dynamics.exclusive_use import Copies
 from deltaopt.interrupts.requests import requests_held
 
 _PRECISE: dict[str, Any] = {
@@ -20,6 +21,33 @@ _PRECISE: dict[str, Any] = {
     "disable_internal_warnings": True,
     "show_eval_warnings": False,  # a failure is not a number, and told by the caller
 }
+
+
+class Copies:
+    """As many copies of a CasADi function as threads use it at once.
+
+    A CasADi function may be called by several threads at once, but the integrators of SUNDIALS then
+    write into each other's memory: results are wrong, or the process ends.
+
+    ``build`` makes a copy that shares no memory with the others; one is made here, others when all
+    there are are in use.
+    """
+
+    def __init__(self, build: Callable[[], ca.Function]) -> None:
+        self._build = build
+        self._idle = [build()]  # a list's append and pop are atomic
+
+    @contextmanager
+    def one(self) -> Iterator[ca.Function]:
+        """A copy that no other thread uses within the block."""
+        try:
+            copy = self._idle.pop()
+        except IndexError:
+            copy = self._build()
+        try:
+            yield copy
+        finally:
+            self._idle.append(copy)
 
 
 class PreciseIntegrator:

@@ -26,6 +26,7 @@ from deltaopt.limits.limit import (
     PhasedLimit,
 )
 from deltaopt.limits.running_cost import Running
+from deltaopt.mechanisms.instant import AnyInstant
 
 Integers = NDArray[np.intp]
 Truths = NDArray[np.bool]
@@ -93,7 +94,7 @@ class Constraints:
     @cached_property
     def slices(self) -> tuple[slice, ...]:
         """Where the rows of each item are."""
-        any_motion, parts = _AnyMotion(self.motors), self.with_numbers(self.numbers())
+        any_motion, parts = AnyInstant(self.motors), self.with_numbers(self.numbers())
         ends = np.cumsum([0, *(limit.rows(any_motion, own).numel() for limit, own in parts)])
         return tuple(slice(a, b) for a, b in pairwise(ends.tolist()))
 
@@ -115,7 +116,7 @@ class Constraints:
 
     def require_orders(self) -> None:
         """Raise ValueError for a limit whose order is not that of what its rows depend on."""
-        motion = _AnyMotion(self.motors)
+        motion = AnyInstant(self.motors)
         for limit, own in self.with_numbers(self.numbers()):
             order = motion.order_of(limit.rows(motion, own))
             if limit.order != order:
@@ -179,9 +180,9 @@ class Constraints:
         return np.repeat(np.array(of_items, kind), counts)
 
     @property
-    def _any_rows(self) -> tuple[_AnyMotion, SX]:
+    def _any_rows(self) -> tuple[AnyInstant, SX]:
         """A motion of symbols, and its rows."""
-        motion = _AnyMotion(self.motors)
+        motion = AnyInstant(self.motors)
         return motion, self.rows(motion, self.numbers())
 
     @cached_property
@@ -230,7 +231,7 @@ class Constraints:
     @cached_property
     def bound_exponents(self) -> ca.Function:
         """(an instant, numbers of all items) -> -∂ ln |row| / ∂ ln bound of every row, at it."""
-        motion, numbers, more = _AnyMotion(self.motors), self.numbers(), SX.sym("more")
+        motion, numbers, more = AnyInstant(self.motors), self.numbers(), SX.sym("more")
         raised = []
         for limit, own in self.with_numbers(numbers):
             bounds = limit.bounds(own)
@@ -288,7 +289,7 @@ class Constraints:
 
     def convex_measures(self, x: SX, numbers: SX) -> SX:
         """The measures of these rows at a position, 3, m."""
-        motion = _AnyMotion(self.motors)
+        motion = AnyInstant(self.motors)
         motion.x = x
         parts = self._convex_items(numbers)
         return ca.vertcat(*(limit.measure(motion, own) for limit, own in parts))
@@ -315,45 +316,3 @@ def _exponent(limit: Limit) -> int:
         return 0
     powers = limit.powers or ()
     return powers[0] if len(powers) == 1 else MIXED
-
-
-class _AnyMotion:
-    """An instant of which every quantity is a symbol of its own."""
-
-    def __init__(self, motors: int) -> None:
-        self.x, self.v, self.a, self.j = (SX.sym(name, 3) for name in "xvaj")
-        self.theta, self.dtheta, self.ddtheta, self.dddtheta = (
-            SX.sym(name, motors) for name in ("theta", "dtheta", "ddtheta", "dddtheta")
-        )
-        self.tau, self.dtau = SX.sym("tau", motors), SX.sym("dtau", motors)
-        self.alignment, self.tilt = SX.sym("alignment", motors), SX.sym("tilt", motors)
-        self.parallel_margin, self.tilt_margin = SX.sym("parallel"), SX.sym("tilted")
-        self.tau_per_payload = SX.sym("tau_per_payload", motors)
-        self.dtau_per_payload = SX.sym("dtau_per_payload", motors)
-
-    @property
-    def everything(self) -> SX:
-        """All quantities."""
-        return ca.vertcat(*self._positions, *self._rates, *self._second, *self._third)
-
-    def order_of(self, rows: SX) -> int:
-        """The highest derivative of position that rows depend on; torques are accelerations."""
-        by_order = self._positions, self._rates, self._second, self._third
-        return max(n for n in range(4) if n == 0 or ca.depends_on(rows, ca.vertcat(*by_order[n])))
-
-    @property
-    def _positions(self) -> list[SX]:
-        chains = self.x, self.theta, self.alignment, self.tilt
-        return [*chains, self.parallel_margin, self.tilt_margin]
-
-    @property
-    def _rates(self) -> list[SX]:
-        return [self.v, self.dtheta]
-
-    @property
-    def _second(self) -> list[SX]:
-        return [self.a, self.ddtheta, self.tau_per_payload, self.tau]
-
-    @property
-    def _third(self) -> list[SX]:
-        return [self.j, self.dddtheta, self.dtau_per_payload, self.dtau]

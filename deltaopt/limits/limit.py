@@ -21,6 +21,7 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
 from deltaopt.files.units import percentage
 from deltaopt.files.validated_record import PerMotor, Vector3, per_motor
+from deltaopt.mechanisms.instant import Instant as Instant
 from deltaopt.robot.machine import Machine
 from deltaopt.robot.solids import Convex, Solid
 
@@ -31,54 +32,6 @@ Numbers = tuple[float, ...]
 """The numbers of one item of a limit, in the order of its parameters."""
 _TIED = 1e-9
 """By which values may differ by rounding, shares of a limit: as second differences of a table."""
-
-
-class Instant(Protocol):
-    """A motion at one instant, as CasADi expressions of one model.
-
-    The platform's position ``x``, velocity ``v`` and acceleration ``a`` (3; m, m/s, m/s²); motor
-    angles ``theta`` (rad) and their rates ``dtheta`` and ``ddtheta``; motor torques ``tau`` (N·m),
-    one for each motor; of linear drives positions (m) and forces (N). ``alignment``, sin² (q_{k,1}
-    - q_{k,2}) of each chain, 0 in its serial singularity; ``tilt``, sin q_{k,3} of each chain, how
-    far its bars lean out of the plane of its arm;
-    ``parallel_margin`` and ``tilt_margin``, volumes that are 0 in the parallel singularity and
-    where the platform can tilt; ``tau_per_payload``, by how much the torques grow with the
-    payload's mass (N·m/kg). Of limits of order 3 alone: the platform's jerk ``j`` (m/s³), the rates
-    ``dddtheta`` (rad/s³) and ``dtau`` (N·m/s), and ``dtau_per_payload``.
-    """
-
-    @property
-    def x(self) -> SX: ...
-    @property
-    def v(self) -> SX: ...
-    @property
-    def a(self) -> SX: ...
-    @property
-    def theta(self) -> SX: ...
-    @property
-    def dtheta(self) -> SX: ...
-    @property
-    def ddtheta(self) -> SX: ...
-    @property
-    def tau(self) -> SX: ...
-    @property
-    def tau_per_payload(self) -> SX: ...
-    @property
-    def j(self) -> SX: ...
-    @property
-    def dddtheta(self) -> SX: ...
-    @property
-    def dtau(self) -> SX: ...
-    @property
-    def dtau_per_payload(self) -> SX: ...
-    @property
-    def alignment(self) -> SX: ...
-    @property
-    def tilt(self) -> SX: ...
-    @property
-    def parallel_margin(self) -> SX: ...
-    @property
-    def tilt_margin(self) -> SX: ...
 
 
 class Described(Protocol):

@@ -12,6 +12,7 @@ from typing import Annotated
 from deltaopt.files.units import TORQUE
 from deltaopt.files.validated_record import PerMotor, Vector3
 from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Limit, MotorLimit, Numbers
+from deltaopt.mechanisms.instant import LighterInstant
 from deltaopt.robot.machine import Machine
 
 
@@ -40,15 +41,8 @@ class WithLeastPayload(Limit):
     limit: Limit
 
     def __post_init__(self) -> None:
-        for name in (
-            "unit",
-            "subject",
-            "order",
-            "powers",
-            "robot_key",
-            "promised",
-            "convex_in_torque",
-        ):
+        kept = ("unit", "subject", "order", "powers", "robot_key", "promised", "convex_in_torque")
+        for name in kept:
             object.__setattr__(self, name, getattr(self.limit, name))
         object.__setattr__(self, "name", f"{self.limit.name} with the least payload")
 
@@ -62,26 +56,7 @@ class WithLeastPayload(Limit):
         return self.limit.bounds(numbers[1:])
 
     def measure(self, motion: Instant, numbers: SX) -> SX:
-        return self.limit.measure(_Lighter(motion, numbers[0]), numbers[1:])
+        return self.limit.measure(LighterInstant(motion, numbers[0]), numbers[1:])
 
     def rows(self, motion: Instant, numbers: SX) -> SX:
-        return self.limit.rows(_Lighter(motion, numbers[0]), numbers[1:])
-
-
-class _Lighter:
-    """A motion at an instant with ``less`` payload, kg: all is as it is but the torques."""
-
-    def __init__(self, motion: Instant, less: SX) -> None:
-        self._motion, self._less = motion, less
-
-    def __getattr__(self, name: str) -> SX:
-        value: SX = getattr(self._motion, name)
-        return value
-
-    @property
-    def tau(self) -> SX:
-        return self._motion.tau - self._less * self._motion.tau_per_payload
-
-    @property
-    def dtau(self) -> SX:
-        return self._motion.dtau - self._less * self._motion.dtau_per_payload
+        return self.limit.rows(LighterInstant(motion, numbers[0]), numbers[1:])

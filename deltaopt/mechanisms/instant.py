@@ -2,7 +2,8 @@
 
 There are three ways to the same quantities, each derived only when needed: from the platform's
 motion by eq. (39), in its shortest form; from the platform's motion by
-the general derivation in all coordinates; and from these coordinates themselves.
+the general derivation in all coordinates; and from these coordinates themselves. They may be those
+of a lighter payload, or symbols.
 """
 
 from __future__ import annotations
@@ -284,6 +285,68 @@ class CoordinateInstant:
     def tilt_margin(self) -> SX:
         """Volume that is 0 where the platform can tilt."""
         return self.functions.tilt_margin(self.q)
+
+
+class AnyInstant:
+    """A motion at one instant, as CasADi expressions; here each is a symbol of its own, by which is
+    found what an expression depends on.
+
+    The platform's position ``x``, velocity ``v`` and acceleration ``a`` (3; m, m/s, m/s²); motor
+    angles ``theta`` (rad) and their rates ``dtheta`` and ``ddtheta``; motor torques ``tau`` (N·m),
+    one for each motor; of linear drives positions (m) and forces (N). ``alignment``, sin² (q_{k,1}
+    - q_{k,2}) of each chain, 0 in its serial singularity; ``tilt``, sin q_{k,3} of each chain, how
+    far its bars lean out of the plane of its arm;
+    ``parallel_margin`` and ``tilt_margin``, volumes that are 0 in the parallel singularity and
+    where the platform can tilt; ``tau_per_payload``, by how much the torques grow with the
+    payload's mass (N·m/kg). Of limits of order 3 alone: the platform's jerk ``j`` (m/s³), the rates
+    ``dddtheta`` (rad/s³) and ``dtau`` (N·m/s), and ``dtau_per_payload``.
+    """
+
+    def __init__(self, motors: int) -> None:
+        def own(name: str) -> SX:
+            return SX.sym(name, motors)
+
+        self.x, self.v, self.a, self.j = (SX.sym(name, 3) for name in "xvaj")
+        self.theta, self.alignment, self.tilt = own("theta"), own("alignment"), own("tilt")
+        self.parallel_margin, self.tilt_margin = SX.sym("parallel"), SX.sym("tilted")
+        self.dtheta, self.ddtheta, self.dddtheta = own("dtheta"), own("ddtheta"), own("dddtheta")
+        self.tau, self.tau_per_payload = own("tau"), own("tau_per_payload")
+        self.dtau, self.dtau_per_payload = own("dtau"), own("dtau_per_payload")
+        chains, margins = (self.alignment, self.tilt), (self.parallel_margin, self.tilt_margin)
+        self.by_order = (
+            ca.vertcat(self.x, self.theta, *chains, *margins),
+            ca.vertcat(self.v, self.dtheta),
+            ca.vertcat(self.a, self.ddtheta, self.tau_per_payload, self.tau),
+            ca.vertcat(self.j, self.dddtheta, self.dtau_per_payload, self.dtau),
+        )
+        self.everything = ca.vertcat(*self.by_order)
+
+    def order_of(self, rows: SX) -> int:
+        """The highest derivative of position that rows depend on; torques are accelerations."""
+        return max(n for n, own in enumerate(self.by_order) if n == 0 or ca.depends_on(rows, own))
+
+
+class LighterInstant:
+    """A motion at an instant with ``less`` payload, kg: all is as it is but the torques."""
+
+    def __init__(self, motion: Instant, less: SX) -> None:
+        self._motion, self._less = motion, less
+
+    def __getattr__(self, name: str) -> SX:
+        value: SX = getattr(self._motion, name)
+        return value
+
+    @property
+    def tau(self) -> SX:
+        return self._motion.tau - self._less * self._motion.tau_per_payload
+
+    @property
+    def dtau(self) -> SX:
+        return self._motion.dtau - self._less * self._motion.dtau_per_payload
+
+
+Instant = PlatformInstant | CoordinateInstant | LighterInstant | AnyInstant
+"""What a limit may depend on; ``AnyInstant`` lists it."""
 
 
 def _known(jerk: SX | None) -> SX:

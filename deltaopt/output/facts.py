@@ -81,7 +81,13 @@ class Facts:
     def too_warm(self) -> str:
         """What happens where a motion is driven there and back without a pause; empty unless motors
         exceed their rated torques then."""
-        return too_warm(self.verification.duty)
+        duty = self.verification.duty
+        if duty is None or (duty.rms_share or 0.0) <= 1:
+            return ""
+        return (
+            "motors overheat if this goes on there and back without a pause: "
+            f"{duty.rms_share:.2g} times their rated torque; --rated plans it so that they do not"
+        )
 
     @cached_property
     def active(self) -> tuple[ActiveLimit, ...]:
@@ -133,18 +139,6 @@ def motor_facts(duty: Duty) -> list[MotorFact]:
         each("largest speed", "rad/s", "largest_speed"),
     ]
     return [fact for fact in told if fact.values]
-
-
-def too_warm(duty: Duty | None) -> str:
-    """By how much motors are above their rated torques; empty where none is, or it is not known."""
-    if duty is None or duty.rated_torque is None or not any(duty.above_rated or ()):
-        return ""
-    pairs = zip(duty.motors, duty.rated_torque, strict=True)
-    most = max(motor.rms_torque / rated for motor, rated in pairs)
-    return (
-        f"motors overheat if this goes on there and back without a pause: {most:.2g} times their "
-        "rated torque; --rated plans it so that they do not"
-    )
 
 
 def together(duty: Duty) -> str:

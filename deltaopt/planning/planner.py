@@ -18,9 +18,9 @@ from deltaopt.errors import DeltaOptError
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.trajectory import Motion, Trajectory
 from deltaopt.planning.attempts import Search
-from deltaopt.planning.formulations.choice import Flat
+from deltaopt.planning.formulations.choice import Flat, ProblemFormulation
 from deltaopt.planning.journal import Journal, Progress
-from deltaopt.planning.nlp.problem import ProblemFormulation, Solver
+from deltaopt.planning.nlp.problem import Solver
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.run import Run

@@ -38,7 +38,7 @@ from deltaopt.planning.first_motions.order_of_merit import (
     crosses_singularity,
     intervals_for,
 )
-from deltaopt.planning.formulations.choice import Flat, problem_formulation
+from deltaopt.planning.formulations.choice import Flat, ProblemFormulation, problem_formulation
 from deltaopt.planning.journal import Progress
 from deltaopt.planning.mesh.gap import gap_of, iteration_of
 from deltaopt.planning.mesh.kept_limits import kept_or_slowed
@@ -49,7 +49,6 @@ from deltaopt.planning.nlp.problem import (
     Guess,
     InteriorPoint,
     Ipopt,
-    ProblemFormulation,
     Solver,
 )
 from deltaopt.planning.nlp.scaling import Scaling

@@ -87,11 +87,9 @@ def draw(
 def headline_of(scene: Scene, trajectory: Trajectory, duty: Duty | None) -> str:
     """The duration, what it permits, and how far the warmest motor is above its rated torque."""
     said = title(scene.task, trajectory.duration)
-    if duty is None or duty.rated_torque is None or not any(duty.above_rated or ()):
+    if duty is None or (duty.rms_share or 0.0) <= 1:
         return said
-    pairs = zip(duty.motors, duty.rated_torque, strict=True)
-    most = max(motor.rms_torque / rated for motor, rated in pairs)
-    return f"{said}; RMS torque {most:.2g} times the rated one: needs pauses"
+    return f"{said}; RMS torque {duty.rms_share:.2g} times the rated one: needs pauses"
 
 
 def _marks(scene: Scene) -> str:

@@ -9,7 +9,7 @@ from deltaopt.scene.scene import Scene
 
 _COLLISIONS = "collisions"
 _OTHER_COLLISIONS = "collisions with anything but the bodies of the scene"
-NEVER = ("elasticity", "play in joints", _COLLISIONS, "limits of jerk")
+NEVER = ("elasticity", "play in joints", _COLLISIONS)
 """What no model of this package has."""
 
 
@@ -28,16 +28,17 @@ def not_modelled(scene: Scene) -> list[str]:
 def _terms(scene: Scene) -> dict[str, bool]:
     """Every term, and whether the scene's model has it."""
     robot, drive = as_delta(scene.robot), scene.robot.drive
-    tool, loads = robot.tool, delta_model(robot, scene.payload).numbers.loads
+    tool, parameters = robot.tool, delta_model(robot, scene.payload).numbers
     gravity = robot.gravity if isinstance(robot.gravity, tuple) else (robot.gravity,)
     return {
         "masses and inertia of platform, arms and forearms": True,
         "payload": scene.payload is not None,
         "gravity": any(gravity),
+        "inertia of the bars about their length": parameters.I42 is not None,
         "masses of the elbows": bool(robot.elbow and robot.elbow.mass),
         "masses of the pins at the platform": bool(robot.platform.pins),
         "a tool's mass or offset": bool(tool and (tool.mass or tool.offset)),
         "inertia of motors and gears": bool(drive.inertia),
         **{kind.words: False for kind in FRICTION},
-        **{load.words: True for load in loads},
+        **{load.words: True for load in parameters.loads},
     }

@@ -81,7 +81,6 @@ def _judged(verification: Verification | CycleVerification) -> Row:
     row: Row = {"verified": "no" if failures else "yes"}
     if failures:
         row["error"] = f"verification failed: {'; '.join(failures)}"
-    if duty is not None and duty.rated_torque is not None:
-        pairs = zip(duty.motors, duty.rated_torque, strict=True)
-        row["rms_share"] = max(motor.rms_torque / rated for motor, rated in pairs)
+    if duty is not None and duty.rms_share is not None:
+        row["rms_share"] = duty.rms_share
     return row

@@ -84,6 +84,15 @@ class Duty:
         return tuple(motor.rms_torque > rated for motor, rated in pairs)
 
     @property
+    def rms_share(self) -> float | None:
+        """The RMS torque of the motor that is warmest, over what it is rated for; None where that
+        is not known."""
+        if self.rated_torque is None:
+            return None
+        pairs = zip(self.motors, self.rated_torque, strict=True)
+        return max(motor.rms_torque / rated for motor, rated in pairs)
+
+    @property
     def above_nominal(self) -> tuple[bool, ...] | None:
         """Whether the cubic mean of each gear's torque is above the nominal one; None where the
         robot does not name it."""

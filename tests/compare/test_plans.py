@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt.compare.plans.cases import FiveBarTask, delta_case
+from deltaopt.compare.plans.cases import delta_case, five_bar_case
 from deltaopt.compare.plans.measures import Quality
 from deltaopt.compare.plans.report import answer, csv, tables
 from deltaopt.compare.plans.study import METHODS, compare_plans
@@ -29,7 +29,7 @@ PROBLEMS = Path(__file__).parents[2] / "problems"
 
 @pytest.fixture(scope="module")
 def study():
-    return compare_plans([FiveBarTask().case], tolerance=1e-2, uniform=(6,), refinements=1)
+    return compare_plans([five_bar_case()], tolerance=1e-2, uniform=(6,), refinements=1)
 
 
 def test_every_method_is_in_it(study):
@@ -70,7 +70,7 @@ def test_safe_duration_is_that_of_verification():
 
 def test_slowing_the_five_bar_with_friction():
     """Friction falls with the speed, not with its square: the limit is met exactly."""
-    c = FiveBarTask().case
+    c = five_bar_case()
     faster = c.guess.slowed(0.7)
     torque = c.by_order(faster.slowed(c.safe_factor(faster))).control
     assert np.abs(torque).max() == pytest.approx(1.0, abs=1e-9)
@@ -90,7 +90,7 @@ def test_five_bar_closes_its_loops():
 
 
 def test_compiled_and_interpreted_functions_give_the_same_solution():
-    c = FiveBarTask().case
+    c = five_bar_case()
     equations = flat_equations(c.system)
     durations = []
     for e in (equations, interpreted(equations)):

@@ -164,7 +164,7 @@ def test_it_says_what_was_found(planned, page):
         assert f"{each.rms_torque:.4g}" in text
     for each in verification.distances:
         assert each.name in text
-    for word in ("payload", "gravity", "elasticity", "limits of jerk"):
+    for word in ("payload", "gravity", "elasticity", "play in joints"):
         assert word in text
     assert "Motor 1's torque is at its limit" in text
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
+from math import ceil, log2
 
 import casadi as ca
 import numpy as np
 
+from deltaopt.curves.halving import bisected_number
 from deltaopt.curves.piecewise import QUINTIC, Array, PiecewisePolynomial
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_kinematics
@@ -150,52 +151,48 @@ def _resolved(scene: Scene) -> Reference:
     return Reference(found.duration, found.gap, found.transcription)
 
 
-@dataclass(frozen=True)
-class FiveBarTask:
-    """A move of the five-bar sideways across the low point, where its weak motors can hold the
-    links at rest: ``start``, ``goal`` in m, ``torque`` in N·m."""
+_START, _GOAL = np.array([0.328, -0.02]), np.array([0.328, 0.02])
+"""A move of the five-bar sideways across the low point, where its weak motors can hold the links at
+rest, m."""
+_TORQUE, _OPENING = 1.4, 0.1**2
+"""What its motors give, N·m; the least sin² of the angle between two links."""
 
-    parameters: FiveBarParameters = field(default_factory=FiveBarParameters)
-    start: tuple[float, float] = (0.328, -0.02)
-    goal: tuple[float, float] = (0.328, 0.02)
-    torque: float = 1.4
-    opening: float = 0.1**2
 
-    @cached_property
-    def case(self) -> Case:
-        """Return the case, which starts from the straight line at its shortest duration."""
-        start, goal = np.array(self.start), np.array(self.goal)
-        distance = float(np.linalg.norm(goal - start))
-        system = self._system()
-        line = np.outer(QUINTIC, goal - start)
-        line[0] += start
-        unit_time = PiecewisePolynomial(np.array([0.0, 1.0]), line[None]).slowed(0.05)
-        task = BoundaryValues(np.array([distance, 1.0, self.torque, self.opening]), start, goal)
-        guess = unit_time.slowed(Case("", system, task, unit_time).safe_factor(unit_time))
-        p = np.array([distance, guess.knots[-1], self.torque, self.opening])
-        return Case("five_bar", system, BoundaryValues(p, start, goal), guess)
+def five_bar_case() -> Case:
+    """Return the move of the five-bar, from the straight line at its shortest duration."""
+    system, distance = _five_bar_system(), float(np.linalg.norm(_GOAL - _START))
+    line = np.outer(QUINTIC, _GOAL - _START)
+    line[0] += _START
+    unit_time = PiecewisePolynomial(np.array([0.0, 1.0]), line[None]).slowed(0.05)
 
-    def _system(self) -> ScaledMechanism:
-        m, scales = five_bar(self.parameters), SX.sym("scales", 4)
-        distance, time, torque, opening = ca.vertsplit(scales)
-        angle = distance / self.parameters.arm
-        units = Units(
-            q=ca.vertcat(distance, distance, *4 * [angle]),
-            closure=ca.vertcat(*4 * [distance]),
-            time=time,
-            energy=torque * angle,
-            torque=ca.vertcat(torque, torque),
-        )
-        rows = ca.vertcat(m.controls / torque, ca.sin(m.q[2::2] - m.q[3::2]) ** 2 - opening - 1)
-        inputs = [m.q, m.dq, m.ddq, m.controls, ca.vertcat(scales, m.parameters)]
-        limits = LimitRows(
-            ca.Function("limits", inputs, [rows]),
-            np.array([2, 2, 0, 0]),
-            np.array([[True, True], [True, True], [True, False], [True, False]]),
-            np.array([True, True, False, False]),
-        )
-        kinematics = inverse_kinematics(self.parameters)
-        return ScaledMechanism(m, (0, 1), kinematics, scales, units, limits)
+    def task(time: float) -> BoundaryValues:
+        return BoundaryValues(np.array([distance, time, _TORQUE, _OPENING]), _START, _GOAL)
+
+    guess = unit_time.slowed(Case("", system, task(1.0), unit_time).safe_factor(unit_time))
+    return Case("five_bar", system, task(float(guess.knots[-1])), guess)
+
+
+def _five_bar_system() -> ScaledMechanism:
+    parameters = FiveBarParameters()
+    m, scales = five_bar(parameters), SX.sym("scales", 4)
+    distance, time, torque, opening = ca.vertsplit(scales)
+    angle = distance / parameters.arm
+    units = Units(
+        q=ca.vertcat(distance, distance, *4 * [angle]),
+        closure=ca.vertcat(*4 * [distance]),
+        time=time,
+        energy=torque * angle,
+        torque=ca.vertcat(torque, torque),
+    )
+    rows = ca.vertcat(m.controls / torque, ca.sin(m.q[2::2] - m.q[3::2]) ** 2 - opening - 1)
+    inputs = [m.q, m.dq, m.ddq, m.controls, ca.vertcat(scales, m.parameters)]
+    limits = LimitRows(
+        ca.Function("limits", inputs, [rows]),
+        np.array([2, 2, 0, 0]),
+        np.array([[True, True], [True, True], [True, False], [True, False]]),
+        np.array([True, True, False, False]),
+    )
+    return ScaledMechanism(m, (0, 1), inverse_kinematics(parameters), scales, units, limits)
 
 
 def _smallest(kept: Callable[[float], bool], least: float) -> float:
@@ -207,8 +204,5 @@ def _smallest(kept: Callable[[float], bool], least: float) -> float:
         step *= 2
         if step > SLOWEST:
             return np.inf
-    low, high = least + step / 2 if step > 1e-6 else least, least + step
-    while high - low > 1e-12:
-        middle = (low + high) / 2
-        low, high = (low, middle) if kept(middle) else (middle, high)
-    return high
+    low = least + step / 2 if step > 1e-6 else least
+    return bisected_number(kept, low, least + step, max(0, ceil(log2(step / 1e-12))))[1]

@@ -20,7 +20,7 @@ from deltaopt.compare.plans.measures import Meter, Quality
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.errors import NotConverged
-from deltaopt.planning.formulations.choice import Collocated, Flat, Forward, Redundant
+from deltaopt.planning.formulations.choice import Flat, Forward, ProblemFormulation, Redundant
 from deltaopt.planning.formulations.collocation import FAR, NEAR, CollocationProblem, Equations
 from deltaopt.planning.formulations.loop_closure import (
     AccelerationLevel,
@@ -50,7 +50,7 @@ MOST_INTERVALS = 320
 class Method:
     """A formulation, in redundant coordinates with its loop closure, and a transcription."""
 
-    kind: Collocated
+    kind: ProblemFormulation
     transcription: PiecewiseAcceleration
 
     @property

@@ -85,37 +85,6 @@ class Boundary:
     drift: Array
     radius: float = 0.0
 
-    @classmethod
-    def at_rest(cls, position: Array, derivatives: int = 2) -> Boundary:
-        """A position with all rates zero."""
-        state = np.zeros((derivatives, len(position)))
-        state[0] = position
-        return cls(state, np.zeros(state.shape, dtype=bool), np.zeros(len(position)))
-
-    @classmethod
-    def passed(cls, position: Array, derivatives: int = 2) -> Boundary:
-        """A position, passed at any velocity (and acceleration); components that are not a number
-        are free."""
-        rest = cls.at_rest(np.nan_to_num(position), derivatives)
-        free = np.ones(rest.state.shape, dtype=bool)
-        free[0] = np.isnan(position)
-        return cls(rest.state, free, rest.drift)
-
-    @classmethod
-    def in_sphere(cls, centre: Array, radius: float, derivatives: int = 2) -> Boundary:
-        """Any position at most a ``radius`` from a centre, passed at any velocity (and
-        acceleration)."""
-        rest = cls.at_rest(centre, derivatives)
-        return cls(rest.state, np.ones(rest.state.shape, dtype=bool), rest.drift, radius)
-
-    @classmethod
-    def met(cls, position: Array, drift: Array, derivatives: int = 2) -> Boundary:
-        """A point that moves from a position at a constant velocity, met at its velocity."""
-        rest = cls.at_rest(position, derivatives)
-        state = rest.state
-        state[1] = drift
-        return cls(state, rest.free, np.asarray(drift))
-
 
 @dataclass(frozen=True)
 class Phase:

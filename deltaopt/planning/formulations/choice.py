@@ -24,29 +24,27 @@ from deltaopt.planning.formulations.equations import (
 from deltaopt.planning.formulations.loop_closure import KnotConstraints, LoopClosure
 from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
 from deltaopt.planning.nlp.cost import FASTEST, Cost
-from deltaopt.planning.nlp.problem import (
-    Formulated,
-    InteriorPoint,
-    Ipopt,
-    ProblemFormulation,
-    Solver,
-)
+from deltaopt.planning.nlp.problem import Formulated, InteriorPoint, Ipopt, Solver
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 
 _FAST, _IPOPT = InteriorPoint(), Ipopt()
 
 
-class Collocated(ABC):
-    """A formulation whose differential equations hold at the nodes of every interval."""
+class ProblemFormulation(ABC):
+    """A way to write the planning problem as a nonlinear program.
+
+    Its differential equations hold at the nodes of every interval. It is a hashable value, so that
+    equal formulations share their equations.
+    """
 
     @property
     @abstractmethod
     def name(self) -> str:
-        """Such as "explicit, constraints at knots"."""
+        """The name that a plan reports: "explicit, constraints at knots"."""
 
     @property
     def solvers(self) -> tuple[type[Ipopt] | type[InteriorPoint], ...]:
-        """Kinds of solver that can be asked for: Ipopt alone."""
+        """Kinds of solver that can be asked for, the default first: Ipopt alone."""
         return (Ipopt,)
 
     def of(
@@ -59,7 +57,8 @@ class Collocated(ABC):
     ) -> Formulated:
         """Its equations for a mechanism under limits, for Ipopt.
 
-        Raises Unusable for limits of order 3.
+        ``cost``: what is minimised; the rate of its running part is τᵀτ, N²m². Raises Unusable for
+        limits of order 3.
         """
         if constraints.order == 3:
             raise Unusable(
@@ -75,7 +74,7 @@ class Collocated(ABC):
 
 
 @dataclass(frozen=True)
-class Flat(Collocated):
+class Flat(ProblemFormulation):
     """The formulation in the platform's coordinates alone, which is the default."""
 
     name: str = "flat"
@@ -114,7 +113,7 @@ class Flat(Collocated):
 
 
 @dataclass(frozen=True)
-class Redundant(Collocated):
+class Redundant(ProblemFormulation):
     """The formulation in all twelve coordinates, which are polynomials under loop closure.
 
     ``formulation``: of the dynamics. With ``Multiplier`` it is eq. (37), with any other eq. (39),
@@ -142,7 +141,7 @@ class Redundant(Collocated):
 
 
 @dataclass(frozen=True)
-class Forward(Collocated):
+class Forward(ProblemFormulation):
     """The formulation in the platform's coordinates with polynomial torques as controls.
 
     Collocation demands that the accelerations are those of forward dynamics at the nodes.
@@ -157,7 +156,7 @@ class Forward(Collocated):
 
 @lru_cache(maxsize=16)
 def _equations(
-    formulation: Collocated, functions: Functions, constraints: Constraints
+    formulation: ProblemFormulation, functions: Functions, constraints: Constraints
 ) -> Equations:
     return formulation.equations(scaled_delta(functions, constraints))
 

@@ -15,7 +15,6 @@ The last two have as many rows as unknowns, and the rows are linearly independen
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import casadi as ca
 
@@ -24,37 +23,36 @@ from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
 from deltaopt.planning.nlp.points import PointFunction
 
 
-class LoopClosure(Protocol):
-    """A way to prevent drift in redundant coordinates."""
+@dataclass(frozen=True)
+class LoopClosure:
+    """A way to prevent drift in redundant coordinates.
 
-    @property
-    def name(self) -> str: ...
+    ``drifts``: whether violations of loop closure are passed on from an interval to the next.
+    """
 
-    @property
-    def drifts(self) -> bool:
-        """Whether violations of loop closure are passed on from an interval to the next."""
-        ...
+    name: str
+    drifts: bool = False
 
     def continuous(self, system: ScaledMechanism) -> tuple[int, ...]:
         """Indices of the coordinates whose position and velocity are continuous at the knots."""
-        ...
+        raise NotImplementedError
 
     def feedback(self, f: SX, df: SX) -> SX:
         """The term that is added to d²f, from f and df; time is in units of the duration."""
-        ...
+        return SX.zeros(f.numel())
 
     def unknowns(self, system: ScaledMechanism) -> int:
         """Number of further unknowns at every knot."""
-        ...
+        return 0
 
     def at_knots(self, system: ScaledMechanism) -> PointFunction | None:
         """Rows that must vanish at every knot: (X, V before, X, V after, unknowns), p -> rows;
         None if there are none."""
-        ...
+        return None
 
 
 @dataclass(frozen=True)
-class AccelerationLevel:
+class AccelerationLevel(LoopClosure):
     """Loop closure by J q̈ + J̇ q̇ = 0 at the nodes alone: the loops drift.
 
     Examples:
@@ -67,15 +65,6 @@ class AccelerationLevel:
 
     def continuous(self, system: ScaledMechanism) -> tuple[int, ...]:
         return tuple(range(system.n))
-
-    def feedback(self, f: SX, df: SX) -> SX:
-        return SX.zeros(f.numel())
-
-    def unknowns(self, system: ScaledMechanism) -> int:
-        return 0
-
-    def at_knots(self, system: ScaledMechanism) -> PointFunction | None:
-        return None
 
 
 @dataclass(frozen=True)
@@ -100,7 +89,7 @@ class Baumgarte(AccelerationLevel):
 
 
 @dataclass(frozen=True)
-class KnotConstraints:
+class KnotConstraints(LoopClosure):
     """Exact loop closure at every knot, where only the independent coordinates are continuous.
 
     Examples:
@@ -109,16 +98,9 @@ class KnotConstraints:
     """
 
     name: str = "constraints at knots"
-    drifts: bool = False
 
     def continuous(self, system: ScaledMechanism) -> tuple[int, ...]:
         return system.independent
-
-    def feedback(self, f: SX, df: SX) -> SX:
-        return SX.zeros(f.numel())
-
-    def unknowns(self, system: ScaledMechanism) -> int:
-        return 0
 
     def at_knots(self, system: ScaledMechanism) -> PointFunction | None:
         y = SX.sym("y", 4 * system.n)
@@ -132,7 +114,7 @@ class KnotConstraints:
 
 
 @dataclass(frozen=True)
-class Projection:
+class Projection(LoopClosure):
     """Projection onto the constraints at every knot: the nearest state in the units of q.
 
     X after = X before + Jᵀ σ and V after = V before + Jᵀ ρ, with unknowns σ and ρ.
@@ -143,13 +125,9 @@ class Projection:
     """
 
     name: str = "projection at knots"
-    drifts: bool = False
 
     def continuous(self, system: ScaledMechanism) -> tuple[int, ...]:
         return ()
-
-    def feedback(self, f: SX, df: SX) -> SX:
-        return SX.zeros(f.numel())
 
     def unknowns(self, system: ScaledMechanism) -> int:
         return 2 * system.constraints

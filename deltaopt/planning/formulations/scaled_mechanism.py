@@ -18,7 +18,6 @@ from deltaopt.dynamics.constraint_matrix import ClosedForm
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.errors import DependentConstraints
-from deltaopt.planning.formulations.independent_rows import dependent_rows
 
 Array = NDArray[np.float64]
 
@@ -171,9 +170,11 @@ class ScaledMechanism:
         """Raise DependentConstraints if loop constraints follow from others at the start."""
         m = self.mechanism
         J = ca.Function("J", [m.time, m.q, self.p], [m.J])
-        dependent = dependent_rows(np.asarray(J(0, self.coordinates(task.start, task.p), task.p)))
-        if dependent:
-            names = ", ".join(str(row + 1) for row in dependent)
+        rows = np.asarray(J(0, self.coordinates(task.start, task.p), task.p))
+        ranks = [np.linalg.matrix_rank(rows[:n], rtol=1e-9) for n in range(1, len(rows) + 1)]
+        dependent = 1 + np.flatnonzero(np.diff(ranks, prepend=0) == 0)
+        if len(dependent):
+            names = ", ".join(map(str, dependent))
             raise DependentConstraints(
                 f"{m.name}: loop constraint {names} of {self.constraints} follows from the others "
                 "at the start; leave it out"

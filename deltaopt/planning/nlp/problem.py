@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
-from deltaopt.limits.constraints import Constraints
-from deltaopt.mechanisms.functions import Functions
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.scaling import Scaling
-from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.plan import Spent
 
 Array = NDArray[np.float64]
@@ -145,38 +141,4 @@ class Formulated(Protocol):
 
     def on(self, mesh: Array) -> Program:
         """The program on a mesh of interval lengths, (N,), fractions of the duration."""
-        ...
-
-
-@runtime_checkable
-class ProblemFormulation(Protocol):
-    """A way to write the planning problem as a nonlinear program.
-
-    It is a hashable value, so that equal formulations share their equations.
-    """
-
-    def __hash__(self) -> int: ...
-
-    @property
-    def name(self) -> str:
-        """The name that a plan reports."""
-        ...
-
-    @property
-    def solvers(self) -> tuple[type[Ipopt] | type[InteriorPoint], ...]:
-        """Kinds of solver that can be asked for, the default first."""
-        ...
-
-    def of(
-        self,
-        functions: Functions,
-        transcription: PiecewiseAcceleration,
-        constraints: Constraints,
-        cost: Cost,
-        solver: Solver,
-    ) -> Formulated:
-        """Its equations for a mechanism under limits.
-
-        ``cost``: what is minimised; the rate of its running part is τᵀτ, N²m².
-        """
         ...

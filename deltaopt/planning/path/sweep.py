@@ -1,6 +1,6 @@
 """The fastest speeds along a path that keep affine rows: reachability, backwards and forwards.
 
-``sweep.c`` says how, and does it; ``interpreted_sweep`` does the same without a compiler.
+``sweep.c`` says how, and does it; a linear program does the same without a compiler.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from deltaopt.codegen.compile import library
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import Infeasible
-from deltaopt.planning.path.interpreted_sweep import interpreted
+from deltaopt.planning.path.linear_program import fastest
 from deltaopt.planning.path.path_rows import AffineRows
 
 FASTEST = 1e6
@@ -65,7 +65,7 @@ def _swept(
     """The fastest b and u in units of the path's length and of the largest alpha."""
     code, n = _code(), len(h)
     if code is None:
-        found = interpreted(h, rows, start, goal, FASTEST, convex)
+        found = fastest(h, rows, start, goal, FASTEST, convex)
         if isinstance(found, int | None):
             raise Unattainable(found)
         return found

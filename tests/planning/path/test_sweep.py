@@ -1,5 +1,5 @@
 """Sweeps over rows with known answers: rows that lose their u at a point and on an interval, rows
-that bound speeds, and the compiled sweep beside the interpreted one."""
+that bound speeds, and the compiled sweep beside the linear program."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_a_zero_inertia_point():
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_compiled_and_interpreted_sweeps_agree(seed, monkeypatch):
+def test_the_compiled_sweep_and_the_linear_program_agree(seed, monkeypatch):
     """On random rows, some of them without lower bounds or u, and with points of zero inertia."""
     if sweep._code() is None:
         pytest.skip("no compiler")
