@@ -63,6 +63,7 @@ def _panel(axes: Axes, found: Sequence[Point]) -> None:
             axes.plot(
                 across, up, "o", color=colour, markerfacecolor=face, markersize=4, label="_point"
             )
+    axes.margins(y=0.12)  # for names above the first points
     axes.set(xscale="log", yscale="log", xlabel="time to plan, ms of one processor")
     axes.xaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_major_formatter("{x:g}")
