@@ -36,7 +36,7 @@ _NUMBER = re.compile(r"(?<![\w.])\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?(?![\w])|(?<![\
 _NOT_A_RESULT = re.compile(r"`[^`]*`|\]\([^)]*\)|eqs?\. \([\d–]+\)")
 """Parts of prose whose digits nobody measured: code, links and the paper's equations."""
 _TABLE = 6
-"""Numbers in a block from which on it is a table of results rather than a sentence."""
+"""Decimals in a table from which on it is one of results."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
     unmarked = 0
     for page in pages:
         for names, block in blocks(page.read_text(encoding="utf-8")):
-            unmarked += not names and "|--" in block and len(list(_numbers(block))) >= _TABLE
+            unmarked += not names and "|--" in block and _of_results(block)
             wrong += [
                 f"{page.relative_to(ROOT)}: {what}" for what in lacking(names, block, outputs)
             ]
@@ -165,6 +165,11 @@ def _printed_again(output: Output) -> Output:
 
 def _numbers(block: str) -> Iterator[str]:
     yield from _NUMBER.findall(_NOT_A_RESULT.sub("", block))
+
+
+def _of_results(table: str) -> bool:
+    """Whether a table is one of results rather than of keys, links or equations."""
+    return sum("." in number for number in _numbers(table)) >= _TABLE
 
 
 def _value(number: str) -> float:

@@ -252,19 +252,24 @@ def draw(found: dict[str, tuple[Plan, list[Ramped]]], file: Path) -> None:
             for label, style, colour, durations in (
                 ("line, S-curve", "s:", GREY, [each.s_curve for each in trials]),
                 ("line, timed", "D--", COLOURS[1], [each.line for each in trials]),
-                ("free path", "o-", COLOURS[0], [each.plan.duration for each in trials]),
+                ("free path", "o-", COLOURS[0], [_found(each.plan) for each in trials]),
             ):
                 longer = [100 * (duration / plain.duration - 1) for duration in durations]
                 axes.plot(ramps, longer, style, color=colour, markersize=3, label=label)
             axes.set_xscale("log", base=2)
             axes.set_xticks(ramps, [f"{ramp:g}" for ramp in ramps])
-            name_lines(axes, room=0.5, apart=0.14)
             axes.set_title("\n".join(wrap(verbatim(name), 34)), fontsize=7)
         for axes in parts[len(found) :]:
             axes.remove()
-        parts[0].set_ylim(bottom=0)  # of all: they share it
+        parts[0].set_ylim(bottom=0)  # of all: they share it, and names in the last one
+        name_lines(parts[len(found) - 1], room=0.4, apart=0.1)
         page.supxlabel("time from no torque to the peak, ms", fontsize=8)
         page.supylabel("longer than with jumps on a free path, %", fontsize=8)
+
+
+def _found(plan: Plan) -> float:
+    """The duration of a plan, s; NaN if it misses its tolerance."""
+    return plan.duration if plan.within_tolerance else float("nan")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

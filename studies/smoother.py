@@ -11,7 +11,6 @@ import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from textwrap import fill
 
 import numpy as np
 
@@ -53,8 +52,8 @@ def ways(scene: Scene, few: bool) -> Iterator[tuple[str, Scene]]:
     scale = _PEAK / max(scene.robot.torque_limits)
     objectives: Mapping[str, Sequence[Objective]] = {
         "cost of torque rates": [TimeAndTorqueRate(torque_rate=w * scale**2) for w in WEIGHTS],
-        "more time, least torque rates": [SmoothTorque(of_fastest=share) for share in SHARES],
-        "more time, least jerk": [SmoothMotion(of_fastest=share) for share in SHARES],
+        "least torque rates": [SmoothTorque(of_fastest=share) for share in SHARES],
+        "least jerk": [SmoothMotion(of_fastest=share) for share in SHARES],
     }
     last = 1 if few else None
     for ramp in RAMPS[:last]:
@@ -112,13 +111,13 @@ def draw(found: Sequence[Smoothed], fastest: float, file: Path) -> None:
                 own = sorted((each for each in found if each.way == way), key=_duration)
                 longer = [100 * (each.plan.duration / fastest - 1) for each in own]
                 rates = [getattr(each, measure) for each in own]
-                axes.plot(longer, rates, "o-", color=colour, markersize=3, label=fill(way, 18))
+                axes.plot(longer, rates, "o-", color=colour, markersize=3, label=way)
             axes.set(xscale="log", yscale="log", xlabel="longer than the fastest motion, %")
             axes.set_title(what)
             axes.set_xticks(_TICKS[:-2], [f"{tick:g}" for tick in _TICKS[:-2]])
             axes.set_yticks(_TICKS, [f"{tick:g}" for tick in _TICKS])
             axes.minorticks_off()
-            name_lines(axes, room=0.42, apart=0.13)
+            name_lines(axes, room=0.45, apart=0.07)
         panels[0].set_ylabel("from no torque to the peak, ms")
 
 
@@ -126,7 +125,7 @@ def title(found: Sequence[Smoothed]) -> str:
     """The message: which way lengthens most the time from no torque to the peak, where it is
     shortest and usually."""
     longest = max(found, key=lambda each: each.at_most), max(found, key=lambda each: each.usually)
-    return f"Longest ramps at the least: {longest[0].way}; usually: {longest[1].way}"
+    return f"Longest ramps: {longest[0].way}; usually: {longest[1].way}"
 
 
 def _duration(each: Smoothed) -> float:

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from deltaopt.compare.dynamics.study import Row, Study
 from deltaopt.plots.colours import BLUE, LIGHT_GREY
-from deltaopt.plots.style import figure, plain_numbers, without_box
+from deltaopt.plots.style import figure, without_box
 
 TITLES = {"inverse": "inverse dynamics, q, q̇, q̈ → τ", "forward": "forward dynamics, q, q̇, τ → q̈"}
 
@@ -44,9 +44,8 @@ def _bars(axes: Axes, rows: Sequence[Row]) -> None:
     colours = [BLUE if row.compiled else LIGHT_GREY for row in rows]
     bars = axes.barh(names, [_time(row) for row in rows], color=colours, height=0.7)
     axes.bar_label(bars, [f"{_time(row):.2g}" for row in rows], padding=2, fontsize=6.5)
-    axes.set(xscale="log", xlabel="µs (grey: not compiled)")
-    plain_numbers(axes.xaxis, (1,))
-    axes.margins(x=0.15)
+    axes.set_xlabel("µs (grey: not compiled)")
+    axes.margins(x=0.1)
     axes.tick_params(axis="y", length=0, labelsize=6.5)
     axes.invert_yaxis()
     axes.grid(False, axis="y")

@@ -45,7 +45,7 @@ _SAMPLES = 1000
 _TORQUE = "torque"
 _LINE = 130
 """Letters of a line of the caption."""
-_ROOM = 0.2
+_ROOM = 0.22
 """Share of the width of what is drawn over time that the names of its lines take."""
 
 

@@ -6,7 +6,6 @@ import re
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from itertools import pairwise
 from pathlib import Path
 from textwrap import fill
 from typing import Any
@@ -15,10 +14,8 @@ from warnings import catch_warnings, filterwarnings
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 from PIL import Image
 
 from deltaopt.curves.piecewise import Array
@@ -36,6 +33,8 @@ _UNIT = re.compile(r"(?<=\d) (?=(?:%|s|m|mm|kg)(?!\w))|(?<==) (?=\S)")
 """The space between a number and its unit, or between = and a number: no line ends there."""
 _DOTS = 200
 """Per inch: a page as wide as a screen."""
+_LEAD = 0.03
+"""Of a panel's width, from the end of a line to a name that is moved away from it."""
 _SHADES = 128
 """Colours of a PNG: enough for smooth edges, at a third of the size of all colours."""
 _STYLE: Any = {
@@ -107,7 +106,8 @@ def name_lines(axes: Axes, *, room: float, apart: float = 0.09) -> None:
     """Write the label of each line behind its last point, in its colour, instead of a legend.
 
     ``room``: the share of the panel's width that is left free for them on the right. ``apart``: of
-    its height, by how much two names that would overlap are moved apart.
+    its height, how far names are from each other at least: those that would overlap move as little
+    as they can, to the right of their lines' ends, to which thin lines lead.
     """
     named = [line for line in axes.get_lines() if not str(line.get_label()).startswith("_")]
     scale = axes.transScale
@@ -117,22 +117,31 @@ def name_lines(axes: Axes, *, room: float, apart: float = 0.09) -> None:
         axes.set_xticks([tick for tick in axes.get_xticks() if left <= tick <= right])
     axes.set_xlim(right=float(scale.inverted().transform(wider)[0]))
     places = np.array([axes.transLimits.transform(scale.transform(_last(line))) for line in named])
-    heights = np.clip(places[:, 1], apart / 2, 1 - apart / 2)
-    order = np.argsort(heights, kind="stable")
-    for low, high in pairwise(order):
-        heights[high] = max(heights[high], heights[low] + apart)
-    heights = np.minimum(heights, 1 - apart / 2)
-    for high, low in pairwise(order[::-1]):
-        heights[low] = min(heights[low], heights[high] - apart)
-    for line, across, up in zip(named, places[:, 0], heights, strict=True):
+    order = np.argsort(places[:, 1], kind="stable")
+    heights = places[order, 1].clip(apart / 2, 1 - apart / 2)
+    steps = apart * np.arange(len(order))
+    free = heights - steps  # which must not fall from one name to the next above it
+    means = [
+        max(min(free[a : b + 1].mean() for b in range(i, len(free))) for a in range(i + 1))
+        for i in range(len(free))
+    ]
+    moved = np.clip(means, apart / 2, max(1 - apart / 2 - steps[-1], apart / 2)) + steps
+    crowds = np.cumsum(np.diff(moved, prepend=-1.0) > 1.001 * apart)
+    for k, i in enumerate(order):
+        crowd = crowds == crowds[k]
+        colour, (across, up) = named[i].get_color(), places[i]
+        if np.abs(moved - heights)[crowd].max() > 0.6 * apart:
+            end, across = across, places[order[crowd], 0].max() + _LEAD
+            thin = {"color": colour, "linewidth": 0.5, "label": "_lead"}
+            axes.plot([end, across], [up, moved[k]], transform=axes.transAxes, **thin)
         axes.annotate(
-            str(line.get_label()),
-            (across, up),
+            str(named[i].get_label()),
+            (across, moved[k]),
             (4, 0),
             xycoords="axes fraction",
             textcoords="offset points",
             va="center",
-            color=line.get_color(),
+            color=colour,
         )
 
 
@@ -140,13 +149,6 @@ def _last(line: Line2D) -> Array:
     """The last point of a line that exists."""
     points = np.asarray(line.get_xydata(), dtype=float)
     return np.asarray(points[np.isfinite(points).all(axis=1)][-1])
-
-
-def plain_numbers(axis: Axis, within_decade: tuple[float, ...] = (1, 2, 5)) -> None:
-    """Write the numbers of a logarithmic axis as 0.2 and 50, and these of each decade alone."""
-    axis.set_major_locator(LogLocator(subs=within_decade))
-    axis.set_major_formatter(FormatStrFormatter("%g"))
-    axis.set_minor_formatter(NullFormatter())
 
 
 def without_box(axes: Axes) -> None:

@@ -36,11 +36,11 @@ TOLD = (1e-2, 1e-4, 1e-6, 1e-8, 1e-12)
 """Distances at which the digits that are left are told."""
 TASKS = {"inverse": "torques", "forward": "accelerations"}
 CHOSEN = (
-    ("L_E", "closed form", "L_E, eq. (55)"),
-    ("K, virtual work", "partition", "K, motor angles"),
-    ("L_E", "null space", "L_E, null space"),
-    ("L_I", "sparse QR", "L_I, sparse QR"),
-    ("L_I", "LAPACK LU", "L_I, LAPACK LU"),
+    ("L_E", "closed form", "eq. (55)"),
+    ("K, virtual work", "partition", "motor angles"),
+    ("L_E", "null space", "null space"),
+    ("L_I", "sparse QR", "multipliers, QR"),
+    ("L_I", "LAPACK LU", "multipliers, LU"),
 )
 """Model, variant and what it is called here: at most five lines a panel."""
 TRUSTED = 1e-9

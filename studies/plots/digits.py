@@ -41,14 +41,14 @@ def fails(found: dict[tuple[str, str, str], int], family: str, task: str, model:
 
 
 def title(errors: Sequence[Error]) -> str:
-    """The message: how many models fail somewhere, and which keep what they can everywhere."""
+    """The message: which models fail somewhere, and how many keep what they can everywhere."""
     found = digits_left(errors)
     models = [m for m in dict.fromkeys(e.model for e in errors) if m != ROUNDING]
     colours = {m: {_cell(found, f, t, m).colour for f in FAMILIES for t in TASKS} for m in models}
-    failed = sum(BAD in of for of in colours.values())
-    told = f"{failed} of {len(models)} models fail near singularities"
-    sound = " and ".join(m for m, of in colours.items() if of == {GOOD})
-    return f"{told}; {sound} never" if sound else told
+    failed = " and ".join(m for m, of in colours.items() if BAD in of) or "none"
+    sound = sum(of == {GOOD} for of in colours.values())
+    told = f"{failed[0].upper()}{failed[1:]} fail near singularities"
+    return f"{told}; {sound} of {len(models)} models keep all digits that can be kept"
 
 
 def _cell(found: dict[tuple[str, str, str], int], family: str, task: str, model: str) -> Cell:

@@ -43,6 +43,8 @@ def draw(rows: Sequence[Held], file: Path) -> None:
         axes.text(0.6, 0.2, "told too small", color=GREY, transform=axes.transAxes)
         axes.set(xscale="log", yscale="log", xlabel="true gap, %", ylabel="gap that is told, %")
         axes.set(xlim=(100 * floor / 1.3, 100 * MOST), ylim=(100 * floor / 1.3, 100 * MOST))
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_major_formatter("{x:g}")
         without_box(axes)
 
 

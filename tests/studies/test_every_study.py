@@ -91,6 +91,14 @@ def test_every_picture_of_the_documentation_is_listed_with_its_command():
     assert set(studies) <= set(STUDIES)
 
 
+def test_pictures_of_the_documentation_are_small():
+    """150 kB of each, 500 kB of the animation, so that pages come at once."""
+    files = {file.name: file.stat().st_size for file in DOCS.glob("*.[pg][ni][gf]")}
+    assert files.pop("animation.gif") <= 500_000
+    assert len(files) > 20
+    assert {name: size for name, size in files.items() if size > 150_000} == {}
+
+
 def test_help_lists_every_study(capsys):
     with pytest.raises(SystemExit) as end:
         main(["--help"])
