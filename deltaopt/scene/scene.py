@@ -93,7 +93,7 @@ class Scene(Record):
     robot: AnyRobot = Field(description=ROBOT_FILE)
     payload: Annotated[Positive, MASS] | None = Field(
         default=None,
-        description="a mass in kg, greater than 0, or [least, largest]; 0 is no key at all",
+        description="a mass in kg, greater than 0, or [least, largest]; leave the key out for none",
     )
     least_payload: Annotated[NonNegative, MASS] | None = Field(
         default=None, description="a mass in kg, at least 0"

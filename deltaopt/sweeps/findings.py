@@ -35,7 +35,8 @@ def told(
     """Lines on the plans: those with the least of a column, or the most of it for the ``worst``,
     and why others are none. The best of each of some ``series``, such as robots, comes first."""
     rows = table.dropna(subset=[column]).sort_values(column, ascending=not worst)
-    yield f"{len(rows)} of {len(table)} points have a plan, {'worst' if worst else 'best'} first:"
+    first = f", {'worst' if worst else 'best'} first:" if len(rows) else ":"
+    yield f"{len(rows)} of {len(table)} points have a plan{first}"
     heads = rows.drop_duplicates([*series]).index if series else []
     order = [*heads, *rows.index.difference(heads, sort=False)][:_SHOWN]
     shown = ["point", *dict.fromkeys([*series, *names, column, *_TOLD])]

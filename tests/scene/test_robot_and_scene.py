@@ -252,8 +252,8 @@ def test_a_copy_has_valid_fields(tmp_path: Path) -> None:
         (
             "payload",
             -1.0,
-            "payload is -1.0; expected a mass in kg, greater than 0, or [least, largest]; 0 is no "
-            "key at all",
+            "payload is -1.0; expected a mass in kg, greater than 0, or [least, largest]; leave "
+            "the key out for none",
         ),
         ("goul", (0.4, 0.0, 0.0), "goul is not a known key; expected goal"),
     ]:

@@ -40,6 +40,7 @@ def test_a_map_has_the_symmetry_of_the_robot(tmp_path, capsys):
         main(["map", ROBOT, "--x", "3", "--y", "0", "--z", "0", "-o", str(tmp_path / "no.csv")])
         == 1
     )
+    assert capsys.readouterr().out.startswith("0 of 1 points have a plan:\n1 of 1: start: ")
 
 
 def test_random_moves_begin_and_end_in_their_region(tmp_path, capsys):
