@@ -27,6 +27,7 @@ from deltaopt.planning.plan import Plan, TakenWay, quicker
 from deltaopt.planning.refinement import Slower
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import MovingPoint
 
 _MOST_WAYS, _PROMISING = 12, 1.06
 """How many ways past bodies are solved on the first mesh, those that can be driven fastest, and how
@@ -189,7 +190,10 @@ class _Trial:
         """The trial of a way, past the bodies that this comes near."""
         bodies = near(attempt.scene, way.motion.position)
         scene, name = past_these(attempt.scene, bodies), f"the way {way.name}"
-        motion = way.motion.slowed(_SLOWER if scene.task.is_at_rest else 1.0)
+        slower = _SLOWER if scene.task.is_at_rest else 1.0
+        if isinstance(scene.task.goal, MovingPoint):  # it is where the way ends at one time alone
+            slower = attempt.motion.duration / way.motion.duration
+        motion = way.motion.slowed(slower)
         begin = replace(attempt, scene=scene, motion=motion, is_near=True, proposal=name)
         return cls(begin, way.motion.duration, way.motion)
 
