@@ -194,8 +194,10 @@ class _Trial:
         the fastest motion without bodies: without these most ways lead to that."""
         bodies = near(attempt.scene, way.motion.position) | hit
         scene, name = past_these(attempt.scene, bodies), f"the way {way.name}"
-        on_belt = isinstance(scene.task.goal, MovingPoint)  # which slowing would move
-        motion = way.motion.slowed(1.0 if on_belt else _SLOWER)
+        slower = _SLOWER
+        if isinstance(scene.task.goal, MovingPoint):  # it is where the way ends at one time alone
+            slower = attempt.motion.duration / way.motion.duration
+        motion = way.motion.slowed(slower)
         begin = replace(attempt, scene=scene, motion=motion, is_near=True, proposal=name)
         return cls(begin, way.motion.duration, way.motion)
 
