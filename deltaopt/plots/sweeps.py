@@ -19,8 +19,6 @@ _WIDTH, _HEIGHT, _PANEL = 3.2, 2.7, 2.0
 """Of a chart, and of a place seen from above, inches."""
 _LEVELS, _LETTERS = 7, 13
 """Lines of equal value, and letters of the label of a bar of colours, which may be an inch long."""
-_ALONE = 0.05
-"""Half of the size of a cell where there is one place alone, in its unit."""
 _PALETTE = (*COLOURS, *OF_LIMITS)
 
 
@@ -120,8 +118,8 @@ def _pixels(axes: Axes, grid: Any, all_values: Any) -> Any:
 
 
 def _edges(places: Array) -> Array:
-    """Where the cells about places begin and end, (N + 1,); one place alone has a cell too."""
-    widths = np.diff(places) if len(places) > 1 else np.array([2 * _ALONE])
+    """Where the cells about places begin and end, (N + 1,); one alone has a cell of 0.1 units."""
+    widths = np.diff(places) if len(places) > 1 else np.array([0.1])
     begins = places - np.concatenate([widths[:1], widths])[: len(places)] / 2
     return np.append(begins, places[-1] + widths[-1] / 2)
 

@@ -16,8 +16,6 @@ from deltaopt.scene.scene_file import made_of
 from deltaopt.sensitivity.keys import Content, parts_of
 
 Job = Scene | Cycle
-_FIELDS = {"dwell": "dwells"}
-"""Keys of files that are called otherwise in records."""
 
 
 @dataclass(frozen=True)
@@ -82,11 +80,11 @@ def numbers_in(content: Any, key: str = "") -> Iterator[Number]:
 
 def _unit(key: str) -> str:
     """The SI unit of a number of a scene, of its robot or of a cycle; empty without one."""
-    kinds, parts = list[Any]([Scene]), parts_of(key)
+    kinds, parts = list[Any]([Scene]), parts_of(key.replace(".dwell", ".dwells"))  # as records do
     for name in parts:
         each = (kind for kind in (*kinds, Cycle) if isinstance(kind, type))
         records = (kind for kind in each if issubclass(kind, Record))
-        fields = (record.model_fields.get(_FIELDS.get(name, name)) for record in records)
+        fields = (record.model_fields.get(name) for record in records)
         field = next(filter(None, fields), None)
         if field is not None:  # else a place in a list, or the word that tells a path's kind
             inside = _inside(field.annotation)
