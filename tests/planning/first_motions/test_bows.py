@@ -9,6 +9,7 @@ import numpy as np
 
 from deltaopt.planning.first_motions.bands import Bodies
 from deltaopt.planning.first_motions.bows import bows
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
 
@@ -56,3 +57,17 @@ def test_bows_pass_a_wall_on_the_side_that_is_open():
     (path,) = bows_of_line(with_bodies({"box": wall}))
     x, y, _ = finely(path).T
     assert (x[np.abs(y - MIDDLE[1]) <= 0.01] < top).all()
+
+
+def test_bands_come_back_into_reach_and_no_farther():
+    """Of places within 0.3 m, a third of which no chains reach, those well within reach stay, and
+    all others end where the chains close."""
+    places = MIDDLE + np.random.default_rng(1).uniform(-0.3, 0.3, (400, 3))
+    model = problem_of(CROSS).model
+    before = model.closes(places)
+    assert 0.5 < before.mean() < 0.8
+    after = Bodies.of(CROSS).in_reach(places.copy())
+    kept = (model.alignments(places) >= 0.04).all(axis=1)
+    assert kept.any()
+    assert np.array_equal(after[kept], places[kept])
+    assert model.closes(after).all()
