@@ -101,8 +101,9 @@ def triple_of(number: int) -> tuple[str, ...]:
 
 def drawn(seed: int, number: int) -> Scene | Cycle:
     """A scene or cycle whose ends and points between are possible by themselves: of the shipped
-    robots in turn, and every seventh time of a random one."""
-    name = ROBOTS[number % len(ROBOTS)]
+    robots in turn, each triple of another one every time, and every seventh time of a random
+    one."""
+    name = ROBOTS[(number + number // len(TRIPLES)) % len(ROBOTS)]
     robot = as_delta(deltaopt.load_robot(PROBLEMS / "robots" / f"{name}.yaml"))
     for attempt in count():
         rng = np.random.default_rng((seed, number, attempt))
