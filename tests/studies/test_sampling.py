@@ -10,7 +10,7 @@ import pytest
 import deltaopt
 from studies.__main__ import main
 from studies.kept_rows import read_rows
-from studies.problems import CROSS, INDUSTRIAL
+from studies.problems import CROSS, INDUSTRIAL, PROBLEMS
 from studies.sampling import CHECKS, METHODS, OURS, Row
 from studies.sampling.geometric import Clear
 from studies.sampling.rounded import Rounded, rounded, timed_motion
@@ -74,10 +74,10 @@ def test_a_line_takes_as_long_as_by_deltaopt():
 
 
 def test_a_corner_is_rounded_as_widely_as_bodies_allow():
-    scene = scene_of(ROBOT, "wall", 1, 0)
+    scene = deltaopt.load_scene(PROBLEMS / "keep_out/wall_25_305_25.yaml")
     (body,) = scene.keep_out
     start, goal = (np.array(point) for point in scene.given_points)
-    top = min(start[0], body.box.centre[0] - body.box.half[0]) - 0.03
+    top = body.box.centre[0] - body.box.half[0] - 0.02
     corners = np.array([start, [top, *start[1:]], [top, *goal[1:]], goal])
     clear = Clear(scene)
     assert clear(corners)
