@@ -109,11 +109,13 @@ def toppra_duration(scene: Scene, path: Path) -> float:
     return float(np.sum(2 * np.diff(path.s) / (speeds[1:] + speeds[:-1])))
 
 
-def toppra_speeds(scene: Scene, path: Path) -> Array | None:
+def toppra_speeds(scene: Scene, path: Path, *, at_both_ends: bool = False) -> Array | None:
     """Return the speeds ds/dt of that motion at the path's points, (n,), m/s; None if there is no
-    motion. Between points d²s/dt² is constant. Raises MissingPackage."""
+    motion. Between points d²s/dt² is constant; the limits of torque hold where an interval begins,
+    or at both of its ends. Raises MissingPackage."""
     toppra = installed("toppra", "bench")
-    algorithm = toppra.algorithm.TOPPRA([_limits(toppra, scene)], path, gridpoints=path.s)
+    limits = _limits(toppra, scene, at_both_ends=at_both_ends)
+    algorithm = toppra.algorithm.TOPPRA([limits], path, gridpoints=path.s)
     speeds = algorithm.compute_parameterization(0.0, 0.0)[1]
     return None if speeds is None else np.asarray(speeds, dtype=float)
 
@@ -124,7 +126,7 @@ def loads_along(scene: Scene, path: Path) -> tuple[Array, Array, Array]:
     return c, a - c, b - c
 
 
-def _limits(toppra: Any, scene: Scene) -> Any:
+def _limits(toppra: Any, scene: Scene, *, at_both_ends: bool) -> Any:
     """Return the limits of torque, and of motor speed if there are any, as TOPP-RA's constraint."""
     base: Any = toppra.constraint.LinearConstraint
     torque = np.array(scene.robot.torque_limits)
@@ -133,13 +135,22 @@ def _limits(toppra: Any, scene: Scene) -> Any:
         def compute_constraint_params(self, path: Path, s: Array) -> Any:
             loads, rates = _along(scene, tuple(path(s, order) for order in range(3)))
             c, a, b = np.split(loads / torque, 3)
-            F, g = np.vstack([np.eye(3), -np.eye(3)]), np.ones(6)
+            a, b = a - c, b - c
+            if at_both_ends:
+                step = 2 * np.diff(s, append=s[-1])[:, None]  # ṡ² grows by this times s̈
+                later = np.append(np.arange(1, len(s)), len(s) - 1)
+                a, b, c = (
+                    np.hstack(both)
+                    for both in ((a, a[later] + step * b[later]), (b, b[later]), (c, c[later]))
+                )
+            rows = a.shape[1]
+            F, g = np.vstack([np.eye(rows), -np.eye(rows)]), np.ones(2 * rows)
             highest = np.full(len(s), 1e6)
             if scene.robot.speed_limits is not None:
                 shares = rates[-len(s) :] / np.array(scene.robot.speed_limits)
                 highest = 1 / (shares**2).max(axis=1)
             bound = np.column_stack([np.zeros(len(s)), highest])
-            return a - c, b - c, c, F, g, None, bound
+            return a, b, c, F, g, None, bound
 
     limits = Limits()
     limits.identical = True
