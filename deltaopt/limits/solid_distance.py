@@ -45,7 +45,7 @@ def distance_from_solid(x: SX, own: SX) -> SX:
     across = root(u[0] ** 2 + is_round * u[1] ** 2)
     beyond = ca.vertcat(across, (1 - is_round) * ca.fabs(u[1]), ca.fabs(u[2])) - half
     square = ca.sumsqr(ca.vertcat(*map(positive, ca.vertsplit(beyond))))
-    outside = where(square > TINY, root(square))
+    outside = root(square)
     nearest = larger(larger(beyond[0], beyond[1]), beyond[2])
     return outside - positive(-nearest) - radius
 
@@ -58,6 +58,7 @@ def nearest_on_line() -> RowFunction:
     begin, end, x = (SX.sym(name, 3) for name in ("begin", "end", "x"))
     solid = SX.sym("solid", OF_SOLID)
     share, distance = nearest_share(begin, end, solid, _CLOSELY), distance_from_solid(x, solid)
+    distance -= root(SX(0))  # what the distance is too large by inside of a solid
     found = ca.substitute(
         [distance, ca.gradient(distance, x)], [x], [begin + share * (end - begin)]
     )
