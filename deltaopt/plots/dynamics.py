@@ -43,9 +43,10 @@ def _bars(axes: Axes, rows: Sequence[Row]) -> None:
     names = [f"{row.model}, {row.variant}" for row in rows]
     colours = [BLUE if row.compiled else LIGHT_GREY for row in rows]
     bars = axes.barh(names, [_time(row) for row in rows], color=colours, height=0.7)
-    axes.bar_label(bars, [f"{_time(row):.2g}" for row in rows], padding=2, fontsize=6.5)
+    texts = [f"{_time(row):.{0 if _time(row) >= 10 else 1}f}" for row in rows]
+    axes.bar_label(bars, texts, padding=2, fontsize=6.5)
     axes.set_xlabel("µs (grey: not compiled)")
-    axes.margins(x=0.1)
+    axes.margins(x=0.2)  # for the number of the longest bar
     axes.tick_params(axis="y", length=0, labelsize=6.5)
     axes.invert_yaxis()
     axes.grid(False, axis="y")

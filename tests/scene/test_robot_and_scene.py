@@ -429,7 +429,9 @@ def test_a_file_that_is_no_mapping(tmp_path: Path, content: str, value: object) 
     error = error_of(scene_file)
     assert (error.file, error.key, error.value) == (scene_file, "", value)
     assert error.expected == "a mapping of keys to values"
-    assert str(error).startswith(f"{scene_file} is {'a list' if value else '0.0'}; expected")
+    assert str(error).startswith(
+        f"{scene_file} is {'a list' if value else 'a single value'}; expected"
+    )
 
 
 def test_a_robot_file_in_place_of_a_scene_file_and_the_reverse(tmp_path: Path) -> None:
