@@ -109,12 +109,12 @@ def toppra_duration(scene: Scene, path: Path) -> float:
     return float(np.sum(2 * np.diff(path.s) / (speeds[1:] + speeds[:-1])))
 
 
-def toppra_speeds(scene: Scene, path: Path, *, at_both_ends: bool = False) -> Array | None:
+def toppra_speeds(scene: Scene, path: Path) -> Array | None:
     """Return the speeds ds/dt of that motion at the path's points, (n,), m/s; None if there is no
-    motion. Between points d²s/dt² is constant; the limits of torque hold where an interval begins,
-    or at both of its ends. Raises MissingPackage."""
+    motion. Between points d²s/dt² is constant; the limits of torque hold at both ends of an
+    interval. Raises MissingPackage."""
     toppra = installed("toppra", "bench")
-    limits = _limits(toppra, scene, at_both_ends=at_both_ends)
+    limits = _limits(toppra, scene)
     algorithm = toppra.algorithm.TOPPRA([limits], path, gridpoints=path.s)
     speeds = algorithm.compute_parameterization(0.0, 0.0)[1]
     return None if speeds is None else np.asarray(speeds, dtype=float)
@@ -126,8 +126,12 @@ def loads_along(scene: Scene, path: Path) -> tuple[Array, Array, Array]:
     return c, a - c, b - c
 
 
-def _limits(toppra: Any, scene: Scene, *, at_both_ends: bool) -> Any:
-    """Return the limits of torque, and of motor speed if there are any, as TOPP-RA's constraint."""
+def _limits(toppra: Any, scene: Scene) -> Any:
+    """Return the limits of torque, and of motor speed if there are any, as TOPP-RA's constraint.
+
+    Torques are held at both ends of an interval, by what TOPP-RA calls interpolation: where they
+    are held at its beginning alone they are exceeded at its end, and slowing for that is dear.
+    """
     base: Any = toppra.constraint.LinearConstraint
     torque = np.array(scene.robot.torque_limits)
 
@@ -135,22 +139,16 @@ def _limits(toppra: Any, scene: Scene, *, at_both_ends: bool) -> Any:
         def compute_constraint_params(self, path: Path, s: Array) -> Any:
             loads, rates = _along(scene, tuple(path(s, order) for order in range(3)))
             c, a, b = np.split(loads / torque, 3)
-            a, b = a - c, b - c
-            if at_both_ends:
-                step = 2 * np.diff(s, append=s[-1])[:, None]  # ṡ² grows by this times s̈
-                later = np.append(np.arange(1, len(s)), len(s) - 1)
-                a, b, c = (
-                    np.hstack(both)
-                    for both in ((a, a[later] + step * b[later]), (b, b[later]), (c, c[later]))
-                )
-            rows = a.shape[1]
-            F, g = np.vstack([np.eye(rows), -np.eye(rows)]), np.ones(2 * rows)
+            F, g = np.vstack([np.eye(3), -np.eye(3)]), np.ones(6)
             highest = np.full(len(s), 1e6)
             if scene.robot.speed_limits is not None:
                 shares = rates[-len(s) :] / np.array(scene.robot.speed_limits)
                 highest = 1 / (shares**2).max(axis=1)
             bound = np.column_stack([np.zeros(len(s)), highest])
-            return a, b, c, F, g, None, bound
+            at_both_ends = toppra.constraint.canlinear_colloc_to_interpolate(
+                a - c, b - c, c, F, g, None, None, s, identical=True
+            )
+            return *at_both_ends[:5], None, bound
 
     limits = Limits()
     limits.identical = True

@@ -55,3 +55,21 @@ def test_toppra_drives_our_path_as_fast_as_we_do():
     assert fine < coarse < 1 + 2e-3
     line = fixed_paths.toppra_duration(plan.scene, straight(plan.scene, 100))
     assert line > plan.duration
+
+
+@pytest.mark.parametrize("intervals", [20, 100])
+def test_toppra_keeps_torques_at_both_ends_of_an_interval(intervals):
+    """By inverse dynamics, on grids so coarse that held at the beginnings alone they are broken."""
+    pytest.importorskip("toppra")
+    model, path = DeltaModel(ORSINO, 1.0), straight(PICK, intervals)
+    speeds = fixed_paths.toppra_speeds(PICK, path)
+    x, tangent, curvature = path.derivatives
+    along = np.diff(speeds**2) / (2 * np.diff(path.s))
+    shares = []
+    for at in (slice(None, -1), slice(1, None)):
+        v = tangent[at] * speeds[at, None]
+        a = tangent[at] * along[:, None] + curvature[at] * speeds[at, None] ** 2
+        torques = model.inverse_dynamics(x[at], v, a)
+        shares.append(np.abs(torques / np.array(ORSINO.torque_limits)).max(axis=1))
+    assert np.max(shares) < 1 + 1e-6
+    assert np.median(np.max(shares, axis=0)) > 0.99  # bang-bang: but for the switch
