@@ -103,7 +103,7 @@ def _slowed(scene: Scene, path: Path, fine: Path) -> tuple[float, float, bool]:
     along = np.repeat(np.diff(squares) / (2 * np.diff(path.s)), _FINER)
     share = np.tile(np.arange(_FINER) / _FINER, intervals)
     rising = np.repeat(np.diff(squares), _FINER) * share + np.repeat(squares[:-1], _FINER)
-    gravity, a, b = loads_along(scene, fine)
+    gravity, a, b, _ = loads_along(scene, fine.derivatives)
     slowest = 1.0
     for square in (rising, rising + along * 2 * np.repeat(np.diff(path.s), _FINER) / _FINER):
         moving = a[:-1] * along[:, None] + b[:-1] * square[:, None]

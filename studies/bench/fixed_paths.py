@@ -52,10 +52,11 @@ class Timing:
 @dataclass(frozen=True)
 class Path:
     """Points of a path by arc length ``s`` (n,), m, with x (m), dx/ds and d²x/ds² (1/m), (n, 3)
-    each."""
+    each; ``before``: d²x/ds² where an interval ends, should it jump there, (n, 3)."""
 
     s: Array
     derivatives: tuple[Array, Array, Array]
+    before: Array
 
     @property
     def dof(self) -> int:
@@ -65,12 +66,6 @@ class Path:
     def path_interval(self) -> Array:
         return self.s[[0, -1]]
 
-    def __call__(self, s: Array, order: int = 0) -> Array:
-        """Return a derivative at all points of the path, which is where TOPP-RA asks."""
-        if not np.array_equal(s, self.s):
-            raise ValueError("the path is known at its own points only")
-        return self.derivatives[order]
-
 
 def straight(scene: Scene, intervals: int) -> Path:
     """Return the line from start to goal."""
@@ -79,25 +74,32 @@ def straight(scene: Scene, intervals: int) -> Path:
     length = float(np.linalg.norm(way))
     s = np.linspace(0.0, length, intervals + 1)
     tangent = np.broadcast_to(way / length, (intervals + 1, 3))
-    return Path(s, (start + np.outer(s, way / length), tangent, np.zeros_like(tangent)))
+    none = np.zeros_like(tangent)
+    return Path(s, (start + np.outer(s, way / length), tangent, none), none)
 
 
 def driven(trajectory: Trajectory, pieces: int) -> Path:
     """Return the path of a motion, each of its intervals cut in ``pieces`` of equal time.
 
-    Its curvature jumps where acceleration does, at the knots; the value after the jump is given.
+    Its curvature jumps where acceleration does, at the knots.
     """
     knots, fine = trajectory.knots, 40
     u = np.linspace(0.0, 1.0, fine * pieces + 1)[:-1]
     t = np.append((knots[:-1, None] + np.diff(knots)[:, None] * u).ravel(), knots[-1])
     speed = np.linalg.norm(trajectory.position.derivative().at(t), axis=1)
     s = np.append(0.0, np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(t)))[::fine]
-    later = np.clip(t[::fine] + 1e-9 * knots[-1], 1e-4 * knots[-1], (1 - 1e-4) * knots[-1])
-    motion = trajectory(later)
+    t = t[::fine]
+    tangent, curvature = _bends(trajectory, t + 1e-9 * knots[-1])
+    _, before = _bends(trajectory, t - 1e-9 * knots[-1])
+    return Path(s, (trajectory.position.at(t), tangent, curvature), before)
+
+
+def _bends(trajectory: Trajectory, t: Array) -> tuple[Array, Array]:
+    """Return dx/ds and d²x/ds² of a motion at times t, s, those at rest a little within it."""
+    motion = trajectory(np.clip(t, 1e-4 * trajectory.duration, (1 - 1e-4) * trajectory.duration))
     squared = (motion.v**2).sum(axis=1, keepdims=True)
     along = (motion.a * motion.v).sum(axis=1, keepdims=True) * motion.v / squared
-    tangent = motion.v / np.sqrt(squared)
-    return Path(s, (trajectory.position.at(t[::fine]), tangent, (motion.a - along) / squared))
+    return motion.v / np.sqrt(squared), (motion.a - along) / squared
 
 
 def toppra_duration(scene: Scene, path: Path) -> float:
@@ -109,63 +111,60 @@ def toppra_duration(scene: Scene, path: Path) -> float:
     return float(np.sum(2 * np.diff(path.s) / (speeds[1:] + speeds[:-1])))
 
 
-def toppra_speeds(scene: Scene, path: Path, *, at_both_ends: bool = False) -> Array | None:
+def toppra_speeds(scene: Scene, path: Path) -> Array | None:
     """Return the speeds ds/dt of that motion at the path's points, (n,), m/s; None if there is no
-    motion. Between points d²s/dt² is constant; the limits of torque hold where an interval begins,
-    or at both of its ends. Raises MissingPackage."""
+    motion. Between points d²s/dt² is constant; the limits of torque hold at both ends of an
+    interval. Raises MissingPackage."""
     toppra = installed("toppra", "bench")
-    limits = _limits(toppra, scene, at_both_ends=at_both_ends)
+    limits = _limits(toppra, scene)
     algorithm = toppra.algorithm.TOPPRA([limits], path, gridpoints=path.s)
     speeds = algorithm.compute_parameterization(0.0, 0.0)[1]
     return None if speeds is None else np.asarray(speeds, dtype=float)
 
 
-def loads_along(scene: Scene, path: Path) -> tuple[Array, Array, Array]:
-    """Return c, a and b of the torques τ = a s̈ + b ṡ² + c at the path's points, (n, 3) each."""
-    c, a, b = np.split(_along(scene, path.derivatives)[0], 3)
-    return c, a - c, b - c
+def loads_along(
+    scene: Scene, derivatives: tuple[Array, Array, Array]
+) -> tuple[Array, Array, Array, Array]:
+    """Return c, a and b of the torques τ = a s̈ + b ṡ² + c, and the motors' speeds over ṡ, at the
+    points of a path, (n, 3) each, by moving at rest, with s̈ of 1 alone and with ṡ of 1 alone."""
+    model = DeltaModel(as_delta(scene.robot), scene.payload)
+    x, dx, ddx = derivatives
+    rest = np.zeros_like(x)
+    states = np.vstack([x, x, x]), np.vstack([rest, rest, dx]), np.vstack([rest, dx, ddx])
+    torques, rates = _loads(model.functions)(*states, parameters=model.parameters)
+    c, a, b = np.split(np.asarray(torques), 3)
+    return c, a - c, b - c, np.asarray(rates)[-len(x) :]
 
 
-def _limits(toppra: Any, scene: Scene, *, at_both_ends: bool) -> Any:
-    """Return the limits of torque, and of motor speed if there are any, as TOPP-RA's constraint."""
+def _limits(toppra: Any, scene: Scene) -> Any:
+    """Return the limits of torque, and of motor speed if there are any, as TOPP-RA's constraint.
+
+    Torques are held at both ends of an interval, as TOPP-RA does with the limits that it knows:
+    where they are held at its beginning alone they are exceeded at its end, and slowing is dear.
+    """
     base: Any = toppra.constraint.LinearConstraint
     torque = np.array(scene.robot.torque_limits)
 
     class Limits(base):  # type: ignore[misc]
         def compute_constraint_params(self, path: Path, s: Array) -> Any:
-            loads, rates = _along(scene, tuple(path(s, order) for order in range(3)))
-            c, a, b = np.split(loads / torque, 3)
-            a, b = a - c, b - c
-            if at_both_ends:
-                step = 2 * np.diff(s, append=s[-1])[:, None]  # ṡ² grows by this times s̈
-                later = np.append(np.arange(1, len(s)), len(s) - 1)
-                a, b, c = (
-                    np.hstack(both)
-                    for both in ((a, a[later] + step * b[later]), (b, b[later]), (c, c[later]))
-                )
-            rows = a.shape[1]
-            F, g = np.vstack([np.eye(rows), -np.eye(rows)]), np.ones(2 * rows)
+            *loads, rates = loads_along(scene, path.derivatives)
+            c, a, b = (each / torque for each in loads)
+            before = loads_along(scene, (*path.derivatives[:2], path.before))[2] / torque
+            step = 2 * np.diff(s)[:, None]  # ṡ² grows by this times s̈
+            a = np.hstack([a, np.vstack([a[1:] + step * before[1:], a[-1:]])])
+            b, c = (
+                np.hstack([of, np.vstack([end[1:], end[-1:]])]) for of, end in ((b, before), (c, c))
+            )
+            F, g = np.vstack([np.eye(6), -np.eye(6)]), np.ones(12)
             highest = np.full(len(s), 1e6)
             if scene.robot.speed_limits is not None:
-                shares = rates[-len(s) :] / np.array(scene.robot.speed_limits)
-                highest = 1 / (shares**2).max(axis=1)
+                highest = 1 / ((rates / np.array(scene.robot.speed_limits)) ** 2).max(axis=1)
             bound = np.column_stack([np.zeros(len(s)), highest])
             return a, b, c, F, g, None, bound
 
     limits = Limits()
     limits.identical = True
     return limits
-
-
-def _along(scene: Scene, derivatives: tuple[Array, ...]) -> tuple[Array, Array]:
-    """Return torques and motor speeds at the points of a path, (3 n, 3) each: at rest, with d²s/dt²
-    of 1 alone, and with ds/dt of 1 alone."""
-    model = DeltaModel(as_delta(scene.robot), scene.payload)
-    x, dx, ddx = derivatives
-    rest = np.zeros_like(x)
-    states = np.vstack([x, x, x]), np.vstack([rest, rest, dx]), np.vstack([rest, dx, ddx])
-    torques, rates = _loads(model.functions)(*states, parameters=model.parameters)
-    return np.asarray(torques), np.asarray(rates)
 
 
 @lru_cache(maxsize=4)

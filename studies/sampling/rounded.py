@@ -86,7 +86,7 @@ def timed_motion(scene: Scene, path: Rounded) -> Trajectory | None:
     grid too; None if there is none."""
     s = path.grid
     x, dx, ddx = path(s)
-    speeds = toppra_speeds(scene, Path(s, (x, dx, ddx)), at_both_ends=True)
+    speeds = toppra_speeds(scene, Path(s, (x, dx, ddx), ddx))
     if speeds is None or not (speeds[1:] + speeds[:-1] > 0).all():  # it rests, or is not a number
         return None
     t = np.append(0.0, np.cumsum(2 * np.diff(s) / (speeds[1:] + speeds[:-1])))

@@ -24,7 +24,7 @@ def test_a_driven_path_by_its_length():
     """Against differences of its positions: tangents of length one, curvature between."""
     motion = Planner(ORSINO, 1.0).plan(PICK.start, PICK.goal).trajectory
     path = driven(motion, 200)
-    x, tangent, curvature = (path(path.s, order) for order in range(3))
+    x, tangent, curvature = path.derivatives
     np.testing.assert_allclose(np.linalg.norm(tangent, axis=1), 1.0, rtol=1e-12)
     inner = slice(400, 600)  # the third interval, away from rest
     slopes = np.gradient(x[inner], path.s[inner], axis=0)[1:-1]
@@ -49,9 +49,27 @@ def test_toppra_drives_our_path_as_fast_as_we_do():
     plan = Planner(ORSINO, 1.0).plan(PICK.start, PICK.goal)
     coarse, fine = (
         fixed_paths.toppra_duration(plan.scene, driven(plan.trajectory, pieces)) / plan.duration
-        for pieces in (32, 128)
+        for pieces in (32, 256)
     )
     assert 1 - plan.gap < fine < 1 + 3e-4
     assert fine < coarse < 1 + 2e-3
     line = fixed_paths.toppra_duration(plan.scene, straight(plan.scene, 100))
     assert line > plan.duration
+
+
+@pytest.mark.parametrize("intervals", [20, 100])
+def test_toppra_keeps_torques_at_both_ends_of_an_interval(intervals):
+    """By inverse dynamics, on grids so coarse that held at the beginnings alone they are broken."""
+    pytest.importorskip("toppra")
+    model, path = DeltaModel(ORSINO, 1.0), straight(PICK, intervals)
+    speeds = fixed_paths.toppra_speeds(PICK, path)
+    x, tangent, curvature = path.derivatives
+    along = np.diff(speeds**2) / (2 * np.diff(path.s))
+    shares = []
+    for at in (slice(None, -1), slice(1, None)):
+        v = tangent[at] * speeds[at, None]
+        a = tangent[at] * along[:, None] + curvature[at] * speeds[at, None] ** 2
+        torques = model.inverse_dynamics(x[at], v, a)
+        shares.append(np.abs(torques / np.array(ORSINO.torque_limits)).max(axis=1))
+    assert np.max(shares) < 1 + 1e-6
+    assert np.median(np.max(shares, axis=0)) > 0.99  # bang-bang: but for the switch
