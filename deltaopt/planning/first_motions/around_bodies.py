@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from itertools import chain
 from math import dist
 
 import numpy as np
@@ -88,10 +87,10 @@ def ways_around(scene: Scene, first: Trajectory, free: Trajectory | None = None)
     if is_clear(scene, first):
         return [Way(first, ())]
     bodies = Bodies.of(scene)
-    bases = [sampled(motion) for motion in (first, free) if motion is not None]
-    bands = chain.from_iterable(clear_bands(bodies, base) for base in bases)
-    found = _drawn_ways(scene, bodies, bands) or list(_through_passages(scene, bodies))
-    return _some_of_each(bodies, found + _drawn_ways(scene, bodies, bows(bodies, bases[-1])))
+    bands = _drawn_ways(scene, bodies, clear_bands(bodies, sampled(first)))
+    found = bands or list(_through_passages(scene, bodies))
+    found += _drawn_ways(scene, bodies, bows(bodies, sampled(free or first)))
+    return _some_of_each(bodies, found)
 
 
 def _some_of_each(bodies: Bodies, ways: list[Way]) -> list[Way]:
