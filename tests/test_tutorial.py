@@ -24,6 +24,8 @@ TOLERANCE = 0.01
 SMALLEST, OF_GAPS = 1e-3, 0.1
 """Differences that count; of gaps, in per cent: an estimate within the tolerance hangs on the last
 bits of a processor."""
+SHARE, OF_SHARES = re.compile(r"\d+(?= % of the time)"), 1.0
+"""Shares of the time are whole per cent, so two that are told differ by their roundings."""
 
 
 def said(line: str, printed: str) -> bool:
@@ -32,13 +34,19 @@ def said(line: str, printed: str) -> bool:
     smallest = OF_GAPS if line.startswith("at most") else SMALLEST
     for other in printed.splitlines():
         if " ".join(NUMBER.sub("#", other).split()) == words:
-            numbers = (map(float, NUMBER.findall(text)) for text in (line, other))
-            if all(
-                abs(a - b) <= max(smallest, TOLERANCE * abs(a))
-                for a, b in zip(*numbers, strict=True)
-            ):
+            shares = (SHARE.findall(text) for text in (line, other))
+            numbers = (NUMBER.findall(SHARE.sub("#", text)) for text in (line, other))
+            if near(*shares, OF_SHARES) and near(*numbers, smallest):
                 return True
     return False
+
+
+def near(one: list[str], other: list[str], smallest: float) -> bool:
+    """Whether numbers are the same but for small differences."""
+    return all(
+        abs(a - b) <= max(smallest, TOLERANCE * abs(a))
+        for a, b in zip(map(float, one), map(float, other), strict=True)
+    )
 
 
 def test_commands_print_what_the_page_says(tmp_path, monkeypatch, capsys):
