@@ -44,8 +44,7 @@ def distance_from_solid(x: SX, own: SX) -> SX:
     u = axes @ (x - centre)
     across = root(u[0] ** 2 + is_round * u[1] ** 2)
     beyond = ca.vertcat(across, (1 - is_round) * ca.fabs(u[1]), ca.fabs(u[2])) - half
-    square = ca.sumsqr(ca.vertcat(*map(positive, ca.vertsplit(beyond))))
-    outside = root(square)
+    outside = root(ca.sumsqr(ca.vertcat(*map(positive, ca.vertsplit(beyond)))))
     nearest = larger(larger(beyond[0], beyond[1]), beyond[2])
     return outside - positive(-nearest) - radius
 

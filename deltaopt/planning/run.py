@@ -219,12 +219,12 @@ class Run(Loop):
 
     def _plan_moving(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
         """Plan the fastest motion where an end moves, from the first guess that leads to one."""
-        has_bodies = limits_of(scene).constraints.has_convex
         if scene.task.gates:
             found = self._past_or_through(scene, through_gates(scene))
         else:
-            past = if_possible(NO_PLAN, self._past_bodies, scene, under_way) if has_bodies else None
-            found = past or self._past_or_through(scene, first_moving_motions(scene, under_way))
+            found = self._moving_past(scene, under_way) or self._past_or_through(
+                scene, first_moving_motions(scene, under_way)
+            )
         found = self._onto_belt(scene, found)
         if under_way is None:
             return or_raise(found)
@@ -312,6 +312,16 @@ class Run(Loop):
             raise failure
         return min(found, key=_cost)
 
+    def _moving_past(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan | None:
+        """The plan past bodies where an end moves; None without bodies, and where there is none."""
+        if not limits_of(scene).constraints.has_convex:
+            return None
+        try:
+            return self._past_bodies(scene, under_way)
+        except NO_PLAN as error:  # other first motions may lead to a plan
+            self.journal.note(str(error))
+            return None
+
     def _in_the_open(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
         """The plan of a scene without bodies. Raises what rules it out."""
         if scene.task.is_at_rest:
@@ -326,10 +336,8 @@ class Run(Loop):
         two of its points, and never come back. Where that is so from the best motion along these
         lines too, it is not known how much faster another one is: the gap is infinite.
         """
-        usual = (
-            isinstance(scene.objective, Time) and not scene.planned_links and scene.task.is_at_rest
-        )
-        usual = usual and isinstance(self.optimiser.problem_formulation, Flat)
+        usual = isinstance(self.optimiser.problem_formulation, Flat) and scene.task.is_at_rest
+        usual = usual and isinstance(scene.objective, Time) and not scene.planned_links
         found = list[Plan]()
         for corners in islice(paths_of_lines(scene), _PATHS) if usual else ():
             self.journal.note("near the corners of a path of straight lines:")

@@ -184,7 +184,10 @@ def _driven(scene: Scene, band: Array) -> Trajectory | None:
 
 def _without_spikes(band: Array) -> Array:
     """The band without places that all but coincide with another, and without those at which it
-    turns right back: rounding would decide the direction there. Both of its ends stay."""
+    turns right back: rounding would decide the direction there. Both of its ends stay.
+
+    Most bands have none; these are told at once for all their places.
+    """
     least, steps = _COINCIDE * dist(band[0], band[-1]), np.diff(band, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     along = (steps[1:] * steps[:-1]).sum(axis=1)
@@ -202,6 +205,7 @@ def _without_spikes(band: Array) -> Array:
 
 
 def _turns_back(before: Array, place: Array, after: Array) -> bool:
+    """Whether the straight lines to and from a place are within a tenth of opposite."""
     arriving, leaving = place - before, after - place
     return float((arriving * leaving).sum()) < _BACK * dist(place, before) * dist(after, place)
 

@@ -195,7 +195,8 @@ class FlatProblem:
         Raises NotConverged.
         """
         begins: tuple[Settings, ...] = _FROM_NEAR if guess.near else _FROM_FAR
-        begins = _FOR_TRIAL if guess.is_trial else begins
+        if guess.is_trial:
+            begins = _FOR_TRIAL
         if guess.multipliers is not None:
             begins = ALMOST, *begins
         elif guess.on_its_mesh:
