@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 from math import dist
 
 import numpy as np
@@ -27,14 +28,15 @@ from deltaopt.planning.first_motions.bands import (
     resampled,
     sampled,
 )
-from deltaopt.planning.first_motions.bows import PIECES, bows, is_same_way
+from deltaopt.planning.first_motions.bows import bows
 from deltaopt.planning.first_motions.initial_motion import roughly_fastest
 from deltaopt.planning.first_motions.passages import shortest_path, what_was_searched
+from deltaopt.planning.first_motions.speeds import speeds
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
 
-_MARGINS, _GENTLE = (0.02, 0.01, 0.003, 0.001, 3e-4, 1e-4), 4
+_MARGINS, _GENTLE = (0.02, 0.01, 0.003, 0.001, 3e-4, 1e-4), 2
 """How far bands through passages stay from bodies, as shares of the way from start to goal, one
 after the other until there is room; and how many of the last steps of drawing they get."""
 _DIGITS = 9
@@ -48,8 +50,6 @@ CLEAR = "clear of all bodies"
 """The name of a way that comes near none."""
 _SAME = 0.05
 """Of the way: paths that are nowhere farther apart are the same way."""
-_OF_EACH = 3
-"""How many ways are tried that can be pushed into each other: there may be several local optima."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,33 +80,25 @@ def no_way(scene: Scene) -> str:
     )
 
 
-def ways_around(scene: Scene, first: Trajectory, free: Trajectory | None = None) -> list[Way]:
-    """The ways past the bodies of a scene, the one that is driven fastest first; none if none is
-    found. ``first``: a motion that may run into bodies. ``free``: the fastest one without them, if
+def ways_around(
+    scene: Scene, first: Trajectory, free: Trajectory | None = None
+) -> Iterator[list[Way]]:
+    """The ways past the bodies of a scene, from one source after the other, of each the one that is
+    driven fastest first: bows, then bands, or the path of straight lines where there are none.
+    ``first``: a motion that may run into bodies. ``free``: the fastest one without them, if
     it is known: ways that are much as it is are fast."""
     if is_clear(scene, first):
-        return [Way(first, ())]
+        yield [Way(first, ())]
+        return
     bodies = Bodies.of(scene)
-    bands = _drawn_ways(scene, bodies, clear_bands(bodies, sampled(first)))
-    found = bands or list(_through_passages(scene, bodies))
-    found += _drawn_ways(scene, bodies, bows(bodies, sampled(free or first)))
-    return _some_of_each(bodies, found)
-
-
-def _some_of_each(bodies: Bodies, ways: list[Way]) -> list[Way]:
-    """The ways, the fastest first; of those that can be pushed into each other the fastest ones
-    alone: most of the others lead to the same motions."""
-    found = list[tuple[Way, Array]]()
-    for way in sorted(ways, key=lambda way: way.motion.duration):
-        path = resampled(sampled(way.motion), PIECES)
-        if sum(is_same_way(bodies, path, other) for _, other in found) < _OF_EACH:
-            found.append((way, path))
-    return [way for way, _ in found]
+    yield _drawn_ways(scene, bodies, bows(bodies, sampled(free or first)))
+    drawn = _drawn_ways(scene, bodies, clear_bands(bodies, sampled(first)))
+    yield drawn or list(_through_passages(scene, bodies))
 
 
 def _drawn_ways(scene: Scene, bodies: Bodies, paths: Iterable[Array]) -> list[Way]:
-    """The ways along paths (n, 3), m, as far as they can be driven; those that are much the same
-    once."""
+    """The ways along paths (n, 3), m, as far as they can be driven, the fastest first; those that
+    are much the same once."""
     known, found = list[Array](), list[Way]()
     for path in paths:
         if any(np.abs(path - other).max() < _SAME * bodies.way for other in known):
@@ -115,7 +107,7 @@ def _drawn_ways(scene: Scene, bodies: Bodies, paths: Iterable[Array]) -> list[Wa
         motion = _driven(scene, path)
         if motion is not None:
             found.append(Way(motion, bodies.sides(path)))
-    return found
+    return sorted(found, key=lambda way: way.motion.duration)
 
 
 def clear_motions(scene: Scene, motions: Iterator[Trajectory], number: int) -> Iterator[Trajectory]:
@@ -124,7 +116,8 @@ def clear_motions(scene: Scene, motions: Iterator[Trajectory], number: int) -> I
     given as it is, and each path once."""
     paths = list[Array]()
     for motion in motions:
-        for each in [way.motion for way in ways_around(scene, motion)] or [motion]:
+        ways = chain.from_iterable(ways_around(scene, motion))
+        for each in [way.motion for way in ways] or [motion]:
             path = sampled(each)
             length = dist(path[-1], path[0])
             if any(np.abs(path - other).max() < _SAME * length for other in paths):
@@ -168,14 +161,12 @@ def _driven(scene: Scene, band: Array) -> Trajectory | None:
     band = np.concatenate([band[:1], np.round(band[1:-1], _DIGITS), band[-1:]])
     band = _without_spikes(band)
     steps = np.diff(band, axis=0)
-    lengths = np.linalg.norm(steps, axis=1)
-    tangents = steps / lengths[:, None]
-    turn = np.linalg.norm(np.diff(tangents, axis=0), axis=1)
-    speeds = _speeds(lengths, 2 * turn / (lengths[1:] + lengths[:-1]))
+    tangents = steps / np.linalg.norm(steps, axis=1, keepdims=True)
+    lengths, fastest = speeds(band)
     tangent = np.vstack([tangents[:1], tangents[1:] + tangents[:-1], tangents[-1:]])
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    t = np.append(0.0, np.cumsum(2 * lengths / (speeds[1:] + speeds[:-1])))
-    position = PiecewisePolynomial.hermite(t, band, tangent * speeds[:, None])
+    t = np.append(0.0, np.cumsum(2 * lengths / (fastest[1:] + fastest[:-1])))
+    position = PiecewisePolynomial.hermite(t, band, tangent * fastest[:, None])
     motion = Trajectory(position, model_of(scene.robot, scene.payload))
     if not is_clear(scene, motion):
         return None
@@ -222,14 +213,3 @@ def _with_stops(scene: Scene, corners: Array) -> Trajectory | None:
     coefficients[:, 0] = corners[:-1]
     motion = Trajectory(PiecewisePolynomial(knots, coefficients), model)
     return if_possible(RULED_OUT, roughly_fastest, scene, motion)
-
-
-def _speeds(lengths: Array, curvature: Array) -> Array:
-    """The largest speeds at the samples of a path at which the acceleration, forwards and sideways
-    each, is at most 1, from rest to rest; as if the robot's reach were a ball of accelerations."""
-    squares = np.concatenate([[0.0], 1 / np.maximum(curvature, 1e-9), [0.0]])
-    for k in range(len(lengths)):
-        squares[k + 1] = min(squares[k + 1], squares[k] + 2 * lengths[k])
-    for k in reversed(range(len(lengths))):
-        squares[k] = min(squares[k], squares[k + 1] + 2 * lengths[k])
-    return np.asarray(np.sqrt(squares))

@@ -30,10 +30,10 @@ MARGIN = 0.02
 a first motion that touches bodies leaves a solver no inside to begin in."""
 _RISE = 0.3
 """By how much the margin grows with the distance from an end that is nearer to a body than that."""
-TENSIONS = np.geomspace(300.0, 3.0, 16)
+TENSIONS = np.geomspace(300.0, 3.0, 8)
 """Tension of a band over that with which a sample stays where it is, step by step: high ones draw
 it straight between bodies, low ones leave it smooth where these push it."""
-_DEPTH, _WIDTH = 6, 64
+_DEPTH, _WIDTH = 6, 24
 """How many bodies are passed one after the other, and how many bands are bent in all: each costs
 some 0.5 ms. With 4 and 24 neighbouring problems among four bodies had other ways, and durations
 that differed by 15 %."""
@@ -53,6 +53,13 @@ _ALIGNED, _BACK, _SMALL = 0.03, 3, 1e-6
 steps at once bring them back to it; and of the way, a difference by which its slope is found."""
 
 
+_IN_WORDS = {
+    sign * axis: f"on the {'-+'[sign > 0]}{'xyz'[axis - 1]} side of"
+    for sign in (1, -1)
+    for axis in (2, 3)
+}
+_IN_WORDS |= {-1: "above", 1: "below"}
+"""Sides of a body by the number of an axis, with its sign: x points down."""
 Hit = tuple[int, int, int]
 """The body that a band runs into, and the first and the last sample that are inside of it, or
 between which it leads through."""
@@ -248,19 +255,30 @@ class Bodies:
 
     def sides(self, band: Array) -> tuple[str, ...]:
         """On which sides a band passes the bodies that it comes near, in order of time."""
-        distance, slope = self.distances(band)
-        near = distance <= self.kept + _NEAR * self.way
-        near[[0, -1]] = False
+        distance, slope = self.distances(band[1:-1])
+        passed, places = self.passed(distance, slope)
         names = [f"{{}} keep_out[{index}]" for index, _ in self.scene.obstacles]
         for link, index, _ in self.scene.planned_links:
             names.append(f"{name_of(link)} clear of keep_out[{index}]")
-        found = []
-        for row, name in zip(self._used, names, strict=True):
-            places = np.flatnonzero(near[:, row])
-            if len(places):
-                place = int(places[len(places) // 2])
-                found.append((place, name.format(_direction(slope[place, row]))))
+        found = [
+            (int(places[row]), name.format(_IN_WORDS[int(passed[row])]))
+            for row, name in zip(self._used, names, strict=True)
+            if passed[row]
+        ]
         return tuple(dict.fromkeys(name for _, name in sorted(found)))
+
+    def passed(self, distance: Array, slope: Array) -> tuple[Index, Index]:
+        """On which sides paths pass each body, (..., rows), and at which of their places, by the
+        distances and their derivatives there, (..., n, rows) and (..., n, rows, 3): the number of
+        the axis along which they are pushed away from it where they are nearest, counted from 1
+        and with its sign; 0 for bodies that they do not come near."""
+        room = distance - self.kept
+        nearest = room.argmin(axis=-2)[..., None, :]
+        pushed = np.take_along_axis(slope, nearest[..., None], axis=-3)[..., 0, :, :]
+        axis = np.abs(pushed).argmax(axis=-1)[..., None]
+        sign = np.sign(np.take_along_axis(pushed, axis, axis=-1))[..., 0].astype(int)
+        is_near = np.take_along_axis(room, nearest, axis=-2)[..., 0, :] <= _NEAR * self.way
+        return np.where(is_near, (axis[..., 0] + 1) * sign, 0), nearest[..., 0, :]
 
     def too_near(self, band: Array) -> str:
         """Where a band comes nearest to a body for what it is to keep, in words; empty if it is
@@ -340,14 +358,6 @@ def sides_of(along: Array) -> Array:
     up /= hypot(*up)
     left = np.cross(ahead, up)
     return np.array([up, left, -left, -up])
-
-
-def _direction(slope: Array) -> str:
-    """A side of a body in words: x points down."""
-    axis = int(np.abs(slope).argmax())
-    if axis == 0:
-        return "above" if slope[0] < 0 else "below"
-    return f"on the {'+' if slope[axis] > 0 else '-'}{'xyz'[axis]} side of"
 
 
 def _pulled(band: Array, first: int, last: int, shift: Array) -> Array:

@@ -1,9 +1,8 @@
 """Bows past keep-out bodies: a path that is bent aside as a whole until it is clear of all of them.
 
-A path is shifted to eight sides, most in its first part, its middle or its last part, each time as
-little as it takes. Two bows are the same way if all straight lines between them, from place to
-place at equal shares of both, are clear of bodies: then one can be pushed into the other (the
-uniform visibility deformation of Zhou, Gao, Pan and Shen 2020).
+A path is shifted to one side most, or to two sides one after the other, each by several sizes. Of
+the bows that are clear and pass every body on the same side the one is kept that can be driven
+fastest, as if the robot's reach were a ball of accelerations.
 
 Unlike a band, a bow is not drawn tight: it is as smooth as the path that it is made from, so that a
 solver which begins with it goes to the fast motions of its way rather than to the short ones.
@@ -18,67 +17,79 @@ from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.planning.first_motions.bands import Bodies, resampled, sides_of, without_bodies
+from deltaopt.planning.first_motions.speeds import durations
 from deltaopt.scene.feasibility import room_at_rest
 
 Truths = NDArray[np.bool]
 
-_SIZES = np.array([0.08, 0.16, 0.24, 0.34, 0.46, 0.6, 0.8, 1.0])
-"""Of the way from start to goal, how far a path is shifted where it is shifted most; the least that
-is clear is taken. More of them leave less room to spare, and cost time."""
+_SIZES = np.array([0.05, 0.1, 0.16, 0.24, 0.34, 0.46, 0.6, 0.8, 1.0])
+_SIZES_OF_TWO = np.array([0.12, 0.25, 0.45, 0.8])
+"""Of the way from start to goal, how far a path is shifted where it is shifted most, to one side
+and to each of two. More of them leave less room to spare, and cost time."""
 _SIDES = 8
 """Sides to which a path is shifted: with four, ways past a body beside two others are missed."""
-_PEAKS = np.array([0.3, 0.5, 0.7])
-"""Shares of the path at which it is shifted most."""
-PIECES = 24
-"""Of a path, at whose ends it is looked at first."""
+_PEAKS = np.array([0.2, 0.35, 0.5, 0.65, 0.8])
+"""Shares of the path at which it is shifted most, to one side."""
+_PART = 0.6
+"""Shares of the path that each of two shifts takes, from either end."""
+_PIECES, _FIRST = 24, slice(4, -1, 4)
+"""Of a path, at whose ends it is looked at, and at which of them first: most bows are not clear
+there."""
 _MARGIN = 0.01
 """How far bows stay from bodies where there is room, as a share of the way from start to goal."""
-_BETWEEN = np.linspace(0.0, 1.0, 7)[1:-1]
-"""Shares of the straight lines between two bows at which these are looked at."""
+_SLOWEST, _MOST = 2.0, 8
+"""How much longer than the fastest a bow may take, and how many are kept."""
 
 
 def bows(bodies: Bodies, base: Array) -> list[Array]:
-    """Distinct bows of a path (N, 3), m, at equal distances (n, 3), the one bent least first."""
-    path = resampled(base, PIECES)
-    shifted = _shifted(path, bodies.way)  # (sizes, peaks and sides, n, 3)
-    clear = _are_clear(replace(bodies, margin=_MARGIN), shifted)
-    found = list[Array]()
-    least = np.where(clear.any(axis=0), clear.argmax(axis=0), len(_SIZES))
-    for which in np.argsort(least, kind="stable").tolist():
-        if least[which] == len(_SIZES):
+    """Bows of a path (N, 3), m, at equal shares of it (n, 3), each past bodies on other sides than
+    all others, the one that is driven fastest first."""
+    near = replace(bodies, margin=_MARGIN)
+    paths = _shifted(resampled(base, _PIECES), bodies.way)
+    paths = paths[_are_clear(near, paths[:, _FIRST])]
+    paths = paths[_are_clear(near, paths[:, 1:-1])]
+    distance, slope = near.distances(paths.reshape(-1, 3))
+    distance = distance.reshape(*paths.shape[:2], -1)
+    passed, _ = near.passed(distance[:, 1:-1], slope.reshape(*distance.shape, 3)[:, 1:-1])
+    taking, found = durations(paths), dict[bytes, Array]()
+    for k in np.argsort(taking, kind="stable").tolist():
+        if len(found) == _MOST or taking[k] > _SLOWEST * taking.min():
             break
-        bow = shifted[least[which], which]
-        if not any(is_same_way(bodies, bow, other) for other in found):
-            found.append(bow)
-    return [resampled(bow) for bow in found]
+        sides = passed[k].tobytes()
+        if sides not in found and _is_possible(near, paths[k], distance[k]):
+            found[sides] = paths[k]
+    return list(found.values())
 
 
 def _shifted(path: Array, way: float) -> Array:
-    """A path shifted by all sizes, with all peaks to all sides, (sizes, peaks and sides, n, 3)."""
+    """A path, (n, 3), shifted by all sizes to all sides, with all peaks and in two parts,
+    (bows, n, 3)."""
     up, left, _, _ = sides_of(path[-1] - path[0])
     angles = 2 * np.pi * np.arange(_SIDES)[:, None] / _SIDES
-    sides = np.cos(angles) * up + np.sin(angles) * left
+    sides = way * (np.cos(angles) * up + np.sin(angles) * left)
     u = np.linspace(0.0, 1.0, len(path))
     bumps = np.sin(np.pi * u ** (np.log(0.5) / np.log(_PEAKS))[:, None])
-    shifts = (bumps[:, None, :, None] * sides[None, :, None]).reshape(-1, len(path), 3)
-    return np.asarray(path + way * _SIZES[:, None, None, None] * shifts)
+    one = _SIZES[:, None, None, None, None] * bumps[:, None, :, None] * sides[:, None]
+    part = np.sin(np.pi * np.minimum(u / _PART, 1.0)) ** 2
+    first, then = (
+        (_SIZES_OF_TWO[:, None, None, None] * bump[:, None] * sides[:, None]).reshape(
+            -1, *path.shape
+        )
+        for bump in (part, part[::-1])
+    )
+    shifts = [one.reshape(-1, *path.shape), (first[:, None] + then).reshape(-1, *path.shape)]
+    return np.asarray(path + np.concatenate(shifts))
 
 
 def _are_clear(bodies: Bodies, paths: Array) -> Truths:
-    """Which paths, (…, n, 3), are clear of bodies at all their places, where the platform can be
-    held, (…,)."""
-    inner = paths[..., 1:-1, :]
-    distance = bodies.distances(paths.reshape(-1, 3))[0].reshape(*paths.shape[:-1], -1)
-    kept = np.asarray((distance[..., 1:-1, :] >= bodies.margins(inner)).all(axis=(-1, -2)))
-    kept[kept] = (bodies.pierced(paths[kept], distance[kept]) < 0).all(axis=-1)
-    held = room_at_rest(without_bodies(bodies.scene), inner[kept].reshape(-1, 3)) > 0
-    found = np.zeros(kept.shape, dtype=np.bool)
-    found[kept] = held.reshape(-1, inner.shape[-2]).all(axis=1)
-    return found
+    """Which paths, (bows, n, 3), are clear of bodies at all their places, (bows,)."""
+    distance, _ = bodies.distances(paths.reshape(-1, 3))
+    clear = distance.reshape(*paths.shape[:2], -1) >= bodies.margins(paths)
+    return np.asarray(clear.all(axis=(1, 2)))
 
 
-def is_same_way(bodies: Bodies, one: Array, other: Array) -> bool:
-    """Whether all lines between two paths, (n, 3) each, are clear of bodies, by samples."""
-    between = one[1:-1, None] + _BETWEEN[:, None] * (other - one)[1:-1, None]
-    distance = bodies.distances(between.reshape(-1, 3))[0].reshape(*between.shape[:-1], -1)
-    return not ((distance < bodies.kept).any() or (bodies.pierced(between, distance) >= 0).any())
+def _is_possible(bodies: Bodies, path: Array, distance: Array) -> bool:
+    """Whether a path, (n, 3), leads through no body between its places either, ``distance`` from
+    them, m, (n, rows), and the platform can be held at all of them."""
+    held = room_at_rest(without_bodies(bodies.scene), path[1:-1]) > 0
+    return bool(held.all()) and bool((bodies.pierced(path, distance) < 0).all())
