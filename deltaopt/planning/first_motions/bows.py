@@ -32,9 +32,8 @@ _PEAKS = np.array([0.2, 0.35, 0.5, 0.65, 0.8])
 """Shares of the path at which it is shifted most, to one side."""
 _PART = 0.6
 """Shares of the path that each of two shifts takes, from either end."""
-_PIECES, _FIRST = 24, slice(4, -1, 4)
-"""Of a path, at whose ends it is looked at, and at which of them first: most bows are not clear
-there."""
+_PIECES, _FIRST, _INNER = 24, slice(4, -1, 4), slice(1, -1)
+"""Of a path, at whose ends it is looked at, at some of them first: most bows are not clear there."""
 _MARGIN = 0.01
 """How far bows stay from bodies where there is room, as a share of the way from start to goal."""
 _SLOWEST, _MOST = 2.0, 8
@@ -46,17 +45,21 @@ def bows(bodies: Bodies, base: Array) -> list[Array]:
     all others, the one that is driven fastest first."""
     near = replace(bodies, margin=_MARGIN)
     paths = _shifted(resampled(base, _PIECES), bodies.way)
-    paths = paths[_are_clear(near, paths[:, _FIRST])]
-    paths = paths[_are_clear(near, paths[:, 1:-1])]
+    for holds, places in ((_are_clear, _FIRST), (_are_clear, _INNER), (_can_be_held, _FIRST)):
+        paths = paths[holds(near, paths[:, places])]
+        if not len(paths):
+            return []
     distance, slope = near.distances(paths.reshape(-1, 3))
     distance = distance.reshape(*paths.shape[:2], -1)
-    passed, _ = near.passed(distance[:, 1:-1], slope.reshape(*distance.shape, 3)[:, 1:-1])
+    passed, _ = near.passed(distance[:, _INNER], slope.reshape(*distance.shape, 3)[:, _INNER])
     taking, found = durations(paths), dict[bytes, Array]()
     for k in np.argsort(taking, kind="stable").tolist():
         if len(found) == _MOST or taking[k] > _SLOWEST * taking.min():
             break
         sides = passed[k].tobytes()
-        if sides not in found and _is_possible(near, paths[k], distance[k]):
+        if sides in found or not _can_be_held(near, paths[k, _INNER]):
+            continue
+        if (near.pierced(paths[k], distance[k]) < 0).all():
             found[sides] = paths[k]
     return list(found.values())
 
@@ -88,8 +91,7 @@ def _are_clear(bodies: Bodies, paths: Array) -> Truths:
     return np.asarray(clear.all(axis=(1, 2)))
 
 
-def _is_possible(bodies: Bodies, path: Array, distance: Array) -> bool:
-    """Whether a path, (n, 3), leads through no body between its places either, ``distance`` from
-    them, m, (n, rows), and the platform can be held at all of them."""
-    held = room_at_rest(without_bodies(bodies.scene), path[1:-1]) > 0
-    return bool(held.all()) and bool((bodies.pierced(path, distance) < 0).all())
+def _can_be_held(bodies: Bodies, paths: Array) -> Truths:
+    """On which paths, (..., n, 3), the platform can be held at all places, (...)."""
+    room = room_at_rest(without_bodies(bodies.scene), paths.reshape(-1, 3))
+    return np.asarray((room.reshape(paths.shape[:-1]) > 0).all(axis=-1))
