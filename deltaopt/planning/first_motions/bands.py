@@ -121,11 +121,11 @@ class Bodies:
                 margin = np.minimum(margin, own + _RISE * away)
         return margin
 
-    def drawn(self, bands: Array, tensions: Array) -> Array:
-        """Bands (W, n, 3) drawn tight by one tension after the other, pushed away by bodies; their
-        ends stay."""
-        for smoothing in map(_smoothing, tensions.tolist()):
-            bands = smoothing @ bands
+    def drawn(self, bands: Array, tensions: Array, to: Array | float = 0.0) -> Array:
+        """Bands (W, n, 3) drawn tight by one tension after the other, or drawn ``to`` a path,
+        (n, 3), and pushed away by bodies; their ends stay."""
+        for tension in tensions.tolist():
+            bands = to + _smoothing(tension, bands.shape[1]) @ (bands - to)
             for _ in range(2):
                 inner = bands[:, 1:-1].reshape(-1, 3)
                 distance, slope = self.distances(inner)
@@ -334,10 +334,9 @@ def clear_bands(bodies: Bodies, base: Array) -> Iterator[Array]:
 
 
 @lru_cache(maxsize=64)
-def _smoothing(tension: float) -> Array:
+def _smoothing(tension: float, n: int) -> Array:
     """A linear map of the samples of a band, (n, n), that lessens its tension and its bending, and
     leaves its ends."""
-    n = _SAMPLES + 1
     second = np.diff(np.eye(n), 2, axis=0)
     stiffness = np.zeros((n, n))
     stiffness[1:-1] = tension * (10 * (second.T @ second)[1:-1] - second)

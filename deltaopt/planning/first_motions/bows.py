@@ -1,8 +1,9 @@
-"""Bows past keep-out bodies: a path that is bent aside as a whole until it is clear of all of them.
+"""Bows past keep-out bodies: a path that is bent aside as a whole, and pushed out of bodies.
 
 A path is shifted to one side most, or to two sides one after the other, each by several sizes. Of
-the bows that are clear and pass every body on the same side the one is kept that can be driven
-fastest, as if the robot's reach were a ball of accelerations.
+the bows that would be pushed out of every body to the same side the one is pushed that can be
+driven fastest, and what it was shifted by is smoothed, again and again. Of those that are clear
+then the fastest one past bodies on the same sides is kept.
 
 Unlike a band, a bow is not drawn tight: it is as smooth as the path that it is made from, so that a
 solver which begins with it goes to the fast motions of its way rather than to the short ones.
@@ -15,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Index
 from deltaopt.planning.first_motions.bands import Bodies, resampled, sides_of, without_bodies
 from deltaopt.planning.first_motions.speeds import durations
 from deltaopt.scene.feasibility import room_at_rest
@@ -25,17 +26,24 @@ Truths = NDArray[np.bool]
 _SIZES = np.array([0.05, 0.1, 0.16, 0.24, 0.34, 0.46, 0.6, 0.8, 1.0])
 _SIZES_OF_TWO = np.array([0.12, 0.25, 0.45, 0.8])
 """Of the way from start to goal, how far a path is shifted where it is shifted most, to one side
-and to each of two. More of them leave less room to spare, and cost time."""
+and to each of two."""
 _SIDES = 8
 """Sides to which a path is shifted: with four, ways past a body beside two others are missed."""
 _PEAKS = np.array([0.2, 0.35, 0.5, 0.65, 0.8])
 """Shares of the path at which it is shifted most, to one side."""
 _PART = 0.6
 """Shares of the path that each of two shifts takes, from either end."""
-_PIECES, _FIRST, _INNER = 24, slice(4, -1, 4), slice(1, -1)
-"""Of a path, at whose ends it is looked at, at some of them first: most bows are not clear there."""
+_PIECES, _INNER = 36, slice(1, -1)
+_LOOKED_AT = (slice(6, -1, 6), slice(3, -1, 3))
+"""Of a path, at whose ends bows are pushed; and where it is seen which of them to push, at few
+places first."""
 _MARGIN = 0.01
 """How far bows stay from bodies where there is room, as a share of the way from start to goal."""
+_DEEP, _DEARER, _PUSHED = 0.15, 3.0, 32
+"""Of the way, how deep in a body a bow may be that is pushed; by what share of its time it counts
+as slower for each length of the way that it is deep; and how many are pushed at most."""
+_DRAWN = np.full(5, 1.0)
+"""Tensions with which bows are drawn to their path while they are pushed, step by step."""
 _SLOWEST, _MOST = 2.0, 8
 """How much longer than the fastest a bow may take, and how many are kept."""
 
@@ -43,25 +51,24 @@ _SLOWEST, _MOST = 2.0, 8
 def bows(bodies: Bodies, base: Array) -> list[Array]:
     """Bows of a path (N, 3), m, at equal shares of it (n, 3), each past bodies on other sides than
     all others, the one that is driven fastest first."""
-    near = replace(bodies, margin=_MARGIN)
-    paths = _shifted(resampled(base, _PIECES), bodies.way)
-    for holds, places in ((_are_clear, _FIRST), (_are_clear, _INNER), (_can_be_held, _FIRST)):
-        paths = paths[holds(near, paths[:, places])]
+    near, path = replace(bodies, margin=_MARGIN), resampled(base, _PIECES)
+    paths = _shifted(path, bodies.way)
+    for places in _LOOKED_AT:
+        passed, deep = _passed(near, paths[:, places])
+        chosen = deep < _DEEP
+        paths, passed, deep = paths[chosen], passed[chosen], deep[chosen]
         if not len(paths):
             return []
-    distance, slope = near.distances(paths.reshape(-1, 3))
-    distance = distance.reshape(*paths.shape[:2], -1)
-    passed, _ = near.passed(distance[:, _INNER], slope.reshape(*distance.shape, 3)[:, _INNER])
-    taking, found = durations(paths), dict[bytes, Array]()
-    for k in np.argsort(taking, kind="stable").tolist():
-        if len(found) == _MOST or taking[k] > _SLOWEST * taking.min():
-            break
-        sides = passed[k].tobytes()
-        if sides in found or not _can_be_held(near, paths[k, _INNER]):
-            continue
-        if (near.pierced(paths[k], distance[k]) < 0).all():
-            found[sides] = paths[k]
-    return list(found.values())
+    taking = durations(paths) * (1 + _DEARER * np.maximum(deep, 0.0))
+    begun = _fastest_of_each(passed, taking)[:_PUSHED]
+    pushed, clear = near.drawn(paths[begun], _DRAWN, path), begun[deep[begun] <= 0]
+    paths = np.concatenate([paths[clear], pushed])
+    paths = paths[_are_possible(near, paths)]
+    if not len(paths):
+        return []
+    taking, (passed, _) = durations(paths), _passed(near, paths[:, _INNER])
+    found = _fastest_of_each(passed, taking)[:_MOST]
+    return [paths[k] for k in found.tolist() if taking[k] <= _SLOWEST * taking.min()]
 
 
 def _shifted(path: Array, way: float) -> Array:
@@ -74,24 +81,39 @@ def _shifted(path: Array, way: float) -> Array:
     bumps = np.sin(np.pi * u ** (np.log(0.5) / np.log(_PEAKS))[:, None])
     one = _SIZES[:, None, None, None, None] * bumps[:, None, :, None] * sides[:, None]
     part = np.sin(np.pi * np.minimum(u / _PART, 1.0)) ** 2
-    first, then = (
-        (_SIZES_OF_TWO[:, None, None, None] * bump[:, None] * sides[:, None]).reshape(
-            -1, *path.shape
-        )
+    two = (
+        (_SIZES_OF_TWO[:, None, None, None] * bump[:, None] * sides[:, None]).reshape(-1, len(u), 3)
         for bump in (part, part[::-1])
     )
-    shifts = [one.reshape(-1, *path.shape), (first[:, None] + then).reshape(-1, *path.shape)]
-    return np.asarray(path + np.concatenate(shifts))
+    first, then = two
+    both = first[:, None] + then
+    return np.asarray(path + np.concatenate([x.reshape(-1, len(u), 3) for x in (one, both)]))
 
 
-def _are_clear(bodies: Bodies, paths: Array) -> Truths:
-    """Which paths, (bows, n, 3), are clear of bodies at all their places, (bows,)."""
-    distance, _ = bodies.distances(paths.reshape(-1, 3))
-    clear = distance.reshape(*paths.shape[:2], -1) >= bodies.margins(paths)
-    return np.asarray(clear.all(axis=(1, 2)))
+def _passed(bodies: Bodies, paths: Array) -> tuple[Index, Array]:
+    """On which sides paths, (bows, n, 3), pass bodies, (bows, rows), and how deep in one and what
+    is to be kept from it they are, a share of the way, (bows,)."""
+    distance, slope = bodies.distances(paths.reshape(-1, 3))
+    distance, slope = (x.reshape(*paths.shape[:2], *x.shape[1:]) for x in (distance, slope))
+    passed, _ = bodies.passed(distance, slope)
+    return passed, (bodies.margins(paths) - distance).max(axis=(1, 2)) / bodies.way
 
 
-def _can_be_held(bodies: Bodies, paths: Array) -> Truths:
-    """On which paths, (..., n, 3), the platform can be held at all places, (...)."""
-    room = room_at_rest(without_bodies(bodies.scene), paths.reshape(-1, 3))
-    return np.asarray((room.reshape(paths.shape[:-1]) > 0).all(axis=-1))
+def _fastest_of_each(passed: Index, taking: Array) -> Index:
+    """Of paths past bodies on the same sides, (bows, rows), the one that takes least, (bows,): the
+    numbers of these, the fastest first."""
+    order = np.argsort(taking, kind="stable")
+    _, first = np.unique(passed[order], axis=0, return_index=True)
+    return np.asarray(order[np.sort(first)])
+
+
+def _are_possible(bodies: Bodies, paths: Array) -> Truths:
+    """Which paths, (bows, n, 3), are clear of bodies where the platform can be held, (bows,)."""
+    distance = bodies.distances(paths.reshape(-1, 3))[0].reshape(*paths.shape[:2], -1)
+    inner = paths[:, _INNER]
+    room = room_at_rest(without_bodies(bodies.scene), inner.reshape(-1, 3))
+    held = (room > 0).reshape(inner.shape[:2]).all(axis=1)
+    possible = np.asarray(held & (distance[:, _INNER] >= bodies.kept).all(axis=(1, 2)))
+    whole = bodies.pierced(paths[possible], distance[possible]) < 0
+    possible[possible] = whole.all(axis=1)
+    return possible
