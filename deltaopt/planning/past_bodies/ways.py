@@ -141,16 +141,15 @@ def _best_of(
             shortest = min(plan.duration for plan in plans.values())
             if shortest <= _NOTHING_TO_GAIN * least:
                 break
-            if trial.is_solved:
-                if trial.motion.duration > most:
-                    continue
-                trial = trial.on_twice_the_mesh.solved(scene, on_first_mesh)
-                durations[which] = trial.motion.duration
-                if trial.motion.duration > _CLOSE * shortest:
-                    continue
-                if any(_is_same(trial.motion, plan.trajectory) for plan in plans.values()):
-                    del durations[which]
-                    continue
+            if not trial.is_solved or trial.motion.duration > most:
+                continue
+            trial = trial.on_twice_the_mesh.solved(scene, on_first_mesh)
+            durations[which] = trial.motion.duration
+            if trial.motion.duration > _CLOSE * shortest:
+                continue
+            if any(_is_same(trial.motion, plan.trajectory) for plan in plans.values()):
+                del durations[which]
+                continue
             known = shortest if isinstance(scene.objective, Time) else inf
         for beginning in trial.beginnings:
             try:
