@@ -133,10 +133,10 @@ static void choose_barrier(Problem *P, double tolerance) {
   longest_steps(P, 1.0, &primal, &dual);
   const double share = complementarity(P, primal, dual) / P->left;
   const double centring = lesser(greater(share * share * share, 1e-3), 1.0);
-  const double least = 0.05 * tolerance * cost(P, P->z, P->run) / products(P);
-  const double gain = primal < BLOCKED ? AHEAD * fabs(cost_along(P, P->dz)) : 0.0;
-  const double aimed = greater(centring * P->left, lesser(gain, MOST_RISE * P->left));
-  P->mu = greater(aimed / products(P), least);
+  const double now = cost(P, P->z, P->run), gain = AHEAD * fabs(cost_along(P, P->dz));
+  const double again = primal < BLOCKED ? lesser(gain, MOST_LEFT * now) : 0.0;
+  const double aimed = greater(centring * P->left, again);
+  P->mu = greater(aimed, 0.05 * tolerance * now) / products(P);
   bend(P, primal*dual);
 }
 
