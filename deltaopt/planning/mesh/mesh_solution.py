@@ -273,7 +273,8 @@ class MeshSolution:
         than a share of the ``tolerance`` of the gap is lost."""
         if self.beside is None or self.faces is None:
             return False
-        return float(self.beside[self.faces.rows].sum()) > _BESIDE_BODIES * tolerance
+        most = _BESIDE_BODIES * max(tolerance, self.own_gap)
+        return float(self.beside[self.faces.rows].sum()) > most
 
     @property
     def contacts(self) -> Array:
