@@ -125,6 +125,7 @@ class PointEquations:
             rows=self.rows,
             sides=tuple(sides),
             straight=3 * self.constraints.has_torque_rates,
+            taut=tuple(np.flatnonzero(self.constraints.convex).tolist()),
             running=ca.SX(0, 1) if rate is None else self.rates[rate],
             saturating=self.saturating,
             strengths=self.strengths,

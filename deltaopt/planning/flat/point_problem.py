@@ -70,6 +70,9 @@ class PointProblem:
     ``own``: those of the parameters that each interval has of its own, next to each other in p.
     ``straight``: of how many of the last equations the method takes no curvature, as of rates of
     torques: that would be three quarters of the program, and saves no iteration.
+    ``taut``: which rows the method takes no curvature of, as of distances from bodies, beside which
+    motions are drawn tight: it makes the Hessian indefinite, and shifts that mend that make steps
+    short. Without it a step keeps off a convex body's tangent plane, and so off the body.
     """
 
     coordinates: int
@@ -87,6 +90,7 @@ class PointProblem:
     covers: ca.SX = field(default_factory=lambda: ca.SX(0, 0))
     own: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     straight: int = 0
+    taut: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         """Raises ValueError where sizes do not agree or the equations are not affine in tau."""
@@ -145,8 +149,9 @@ class PointProblem:
         w = ca.SX.sym("w", self.rows.numel() + self._integrals.numel())
         c = ca.vertcat(self.rows, self._integrals)
         adjoint = inverse.T @ ca.gradient(ca.dot(w, c), tau)
-        curved = tau.numel() - self.straight
-        lagrangian = ca.dot(ca.vertcat(nu[:curved], w), ca.vertcat(self.force[:curved], c))
+        curved, bent = tau.numel() - self.straight, ca.SX(w)
+        bent[list(self.taut)] = 0
+        lagrangian = ca.dot(ca.vertcat(nu[:curved], bent), ca.vertcat(self.force[:curved], c))
         matrices = [
             ca.jacobian(self.force, y),
             ca.jacobian(c, y),

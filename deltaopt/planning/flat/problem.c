@@ -72,6 +72,9 @@
 #define SHIFT 1e-5 /* the first that is tried: the scene's magnitudes are of the order of one */
 #define HIGHEST 1e-2 /* to which a shift grows because steps had to be halved */
 #define FAR_OFF 1e-3 /* of complementarity over the cost: nearer to a solution shifts are smaller */
+#define BLOCKED 0.3 /* a step of which share of a direction is blocked, see choose_barrier */
+#define AHEAD 5.0 /* times what the direction gains: what complementarity is to be where it is blocked */
+#define MOST_LEFT 0.3 /* of the cost: where more is to be gained the direction is far off */
 #define RISE 10.0 /* times complementarity: what merit may rise by, see try_direction */
 #define VALLEY 100.0 /* times what a shifted step gains: what is left, see solved */
 #define USUAL 16.0 /* so that the intervals of a mesh of 16 have weight 1 in the integral of A^2 */

@@ -18,6 +18,7 @@ from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, TIGHTENED
 from deltaopt.planning.nlp.scaling import UNTIGHTENED, Scaling
+from deltaopt.problem.problem import Problem
 
 Array = NDArray[np.float64]
 Truths = NDArray[np.bool]
@@ -49,10 +50,11 @@ _FROM_FACES = 1e-9
 _SHARE_OF_ROOM, _LOOKED_AT = 0.9, 4
 """Of the distance from a body that the motion before had in an interval, what it is to have at
 most, and places that are looked at there: a motion may have to begin beside a body."""
-_ROUNDING_OF_CORNERS, _POINTS_OF_INTERVAL = 1.5, 3
-"""Radius of an edge as a share of the distance between points, of which an interval has so many
-beside those of the next. A larger one keeps coarse meshes farther from bodies, which more meshes
-must make up for; with a smaller one solutions depend on where the points happen to lie."""
+_ROUNDING_OF_CORNERS, _POINTS_OF_INTERVAL = 0.2, 3
+"""Radius of an edge as a share of the distance between points, of which an interval, or its thirds
+together, has so many beside those of the next. A larger one keeps coarse meshes farther from
+bodies, which more meshes must make up for; with a smaller one solutions depend on where the points
+happen to lie."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +166,7 @@ def corner_shares(scaling: Scaling, motion: Trajectory, mesh: Array) -> Array:
     either side of the edge. Farther from the body its edges are rounder: the distance kept is a
     share of that between points, though no more than the motion has.
     """
-    limits, apart = scaling.limits, points_apart(motion, mesh)
+    limits, apart = scaling.limits, points_apart(scaling.problem, motion, mesh)
     convex = limits.constraints.convex
     wanted = np.maximum(_ROUNDING_OF_CORNERS * apart, _SHARPEST)[:, None] - limits.edge_radii
     if scaling.faces is not None:  # there phases meet instead
@@ -184,11 +186,12 @@ def _least_distances(scaling: Scaling, motion: Trajectory, mesh: Array) -> Array
     return np.asarray(distances.reshape(len(mesh), _LOOKED_AT, -1).min(axis=1))
 
 
-def points_apart(motion: Trajectory, mesh: Array) -> Array:
+def points_apart(problem: Problem, motion: Trajectory, mesh: Array) -> Array:
     """How far the points of each interval of a mesh are apart on a motion, (M,), m."""
     knots = np.append(0.0, np.cumsum(mesh))
     x = motion.position.at(motion.knots[0] + motion.duration * knots)
-    return np.asarray(np.linalg.norm(np.diff(x, axis=0), axis=1) / _POINTS_OF_INTERVAL)
+    points = _POINTS_OF_INTERVAL / problem.together
+    return np.asarray(np.linalg.norm(np.diff(x, axis=0), axis=1) / points)
 
 
 def first_tightening(scaling: Scaling, guess: Trajectory, mesh: Array) -> Scaling:

@@ -156,7 +156,8 @@ class MeshSolution:
     the same with what softer friction loses, without what slowing costs. ``needed``: by which
     factor the motion must be slowed to keep every limit; of all instants if ``is_exact``, else of
     samples.
-    ``excess``: as of ``sure_excess``; None without such limits. ``has_arrived``: whether the solver
+    ``excess``: as of ``sure_excess``, and ``beside``: what is lost beside each of these limits,
+    (rows,); None without such. ``has_arrived``: whether the solver
     left no more than was asked for.
     """
 
@@ -171,6 +172,7 @@ class MeshSolution:
     has_arrived: bool
     is_exact: bool = False
     excess: Array | None = None
+    beside: Array | None = None
 
     @property
     def problem(self) -> Problem:
@@ -220,12 +222,14 @@ class MeshSolution:
         constraints, limits = self.scaling.constraints, self.scaling.limits
         size = constraints.size(self.rows)[:, :, constraints.convex]
         bulge = Bulge.of(self.mesh, self.program.points, size, size.max(axis=1), np.inf).over
-        apart = points_apart(self.trajectory, self.mesh)[:, None]
+        apart = points_apart(self.problem, self.trajectory, self.mesh)[:, None]
         sharp = apart / np.maximum(limits.edge_radii, apart)
         left = np.maximum(1 - size.max(axis=1), 0.0) + bulge * sharp
-        at_bodies = (self._price_of_places * left).sum(axis=1)
+        lost = self._price_of_places * left
+        at_bodies = lost.sum(axis=1)
         priced = self._with_unused(at_bodies)
         priced = replace(priced, lost=replace(priced.lost, at_bodies=at_bodies))
+        priced = replace(priced, beside=lost.sum(axis=0))
         return replace(priced, needed=self.needed.beside(float(excess.max())), excess=excess)
 
     def with_price_of_sliding(self) -> MeshSolution:
@@ -265,10 +269,12 @@ class MeshSolution:
         return phases_over_edges(self.problem, self.trajectory, self._pays)
 
     def presses_beside_bodies(self, tolerance: float) -> bool:
-        """Whether limits that stand for bodies hold the motion where these are not, so that more
+        """Whether faces that stand for bodies hold the motion where these are not, so that more
         than a share of the ``tolerance`` of the gap is lost."""
-        lost = self.lost.at_bodies
-        return lost is not None and float(lost.sum()) > _BESIDE_BODIES * tolerance
+        if self.beside is None or self.faces is None:
+            return False
+        most = _BESIDE_BODIES * max(tolerance, self.own_gap)
+        return float(self.beside[self.faces.rows].sum()) > most
 
     @property
     def contacts(self) -> Array:

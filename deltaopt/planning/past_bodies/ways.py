@@ -168,16 +168,15 @@ class _Search:
         if self.plans:
             if self.shortest <= _NOTHING_TO_GAIN * self._least:
                 return
-            if trial.is_solved:
-                if trial.motion.duration > _PROMISING * fastest:
-                    return
-                trial = trial.on_twice_the_mesh.solved(scene, self.on_first_mesh)
-                self.durations[which] = trial.motion.duration
-                if trial.motion.duration > _CLOSE * self.shortest:
-                    return
-                if any(_is_same(trial.motion, plan.trajectory) for plan in self.plans.values()):
-                    del self.durations[which]
-                    return
+            if not trial.is_solved or trial.motion.duration > _PROMISING * fastest:
+                return
+            trial = trial.on_twice_the_mesh.solved(scene, self.on_first_mesh)
+            self.durations[which] = trial.motion.duration
+            if trial.motion.duration > _CLOSE * self.shortest:
+                return
+            if any(_is_same(trial.motion, plan.trajectory) for plan in self.plans.values()):
+                del self.durations[which]
+                return
             known = self.shortest if isinstance(scene.objective, Time) else inf
         for beginning in trial.beginnings:
             try:
