@@ -52,13 +52,14 @@ def bows(bodies: Bodies, base: Array) -> list[Array]:
     """Bows of a path (N, 3), m, at equal shares of it (n, 3), each past bodies on other sides than
     all others, the one that is driven fastest first."""
     near, path = replace(bodies, margin=_MARGIN), resampled(base, _PIECES)
-    paths = _shifted(path, bodies.way)
+    shapes, shifts = _SHAPES, bodies.way * _shifts(path)
     for places in _LOOKED_AT:
-        passed, deep = _passed(near, paths[:, places])
+        passed, deep = _passed(near, path[places] + shapes[:, places].T @ shifts)
         chosen = deep < _DEEP
-        paths, passed, deep = paths[chosen], passed[chosen], deep[chosen]
-        if not len(paths):
+        shifts, passed, deep = shifts[chosen], passed[chosen], deep[chosen]
+        if not len(shifts):
             return []
+    paths = path + shapes.T @ shifts
     taking = durations(paths) * (1 + _DEARER * np.maximum(deep, 0.0))
     begun = _fastest_of_each(passed, taking)[:_PUSHED]
     pushed, clear = near.drawn(paths[begun], _DRAWN, path), begun[deep[begun] <= 0]
@@ -71,23 +72,29 @@ def bows(bodies: Bodies, base: Array) -> list[Array]:
     return [paths[k] for k in found.tolist() if taking[k] <= _SLOWEST * taking.min()]
 
 
-def _shifted(path: Array, way: float) -> Array:
-    """A path, (n, 3), shifted by all sizes to all sides, with all peaks and in two parts,
-    (bows, n, 3)."""
+def _shapes() -> Array:
+    """How much of each shift there is along a path, (shapes, n)."""
+    u = np.linspace(0.0, 1.0, _PIECES + 1)
+    bumps = np.sin(np.pi * u ** (np.log(0.5) / np.log(_PEAKS))[:, None])
+    part = np.sin(np.pi * np.minimum(u / _PART, 1.0)) ** 2
+    return np.vstack([bumps, part, part[::-1]])
+
+
+_SHAPES = _shapes()
+
+
+def _shifts(path: Array) -> Array:
+    """All bows of a path, by how far each shape shifts it, of the way, (bows, shapes, 3)."""
     up, left, _, _ = sides_of(path[-1] - path[0])
     angles = 2 * np.pi * np.arange(_SIDES)[:, None] / _SIDES
-    sides = way * (np.cos(angles) * up + np.sin(angles) * left)
-    u = np.linspace(0.0, 1.0, len(path))
-    bumps = np.sin(np.pi * u ** (np.log(0.5) / np.log(_PEAKS))[:, None])
-    one = _SIZES[:, None, None, None, None] * bumps[:, None, :, None] * sides[:, None]
-    part = np.sin(np.pi * np.minimum(u / _PART, 1.0)) ** 2
-    two = (
-        (_SIZES_OF_TWO[:, None, None, None] * bump[:, None] * sides[:, None]).reshape(-1, len(u), 3)
-        for bump in (part, part[::-1])
-    )
-    first, then = two
-    both = first[:, None] + then
-    return np.asarray(path + np.concatenate([x.reshape(-1, len(u), 3) for x in (one, both)]))
+    sides = np.cos(angles) * up + np.sin(angles) * left
+    one, each = ((sizes[:, None, None] * sides).reshape(-1, 3) for sizes in (_SIZES, _SIZES_OF_TWO))
+    shifts = np.zeros((len(_PEAKS) * len(one) + len(each) ** 2, len(_SHAPES), 3))
+    for k, own in enumerate(np.split(shifts[: len(_PEAKS) * len(one)], len(_PEAKS))):
+        own[:, k] = one
+    both = shifts[len(_PEAKS) * len(one) :]
+    both[:, -2], both[:, -1] = np.repeat(each, len(each), axis=0), np.tile(each, (len(each), 1))
+    return shifts
 
 
 def _passed(bodies: Bodies, paths: Array) -> tuple[Index, Array]:
