@@ -68,9 +68,6 @@ what share each must be shorter, or else tell a smaller gap."""
 _NEARBY, _NEARLY = 2, 1e-2
 """How many times finer the first mesh from a motion near the best is, and the gap up to which what
 it leads to is taken."""
-_FINER_FOR_WAYS = 1.5
-"""How many times finer the first mesh of ways past bodies is: they bend more than other motions,
-and what they take on it tells which to plan."""
 _MISSED = 3e-3
 """Gap of a way past bodies above which the paths of straight lines are looked at too, where it also
 misses the tolerance: through a window of 3 mm one with 7e-3 was longer by 2 %."""
@@ -304,7 +301,7 @@ class Run(Loop):
             # Past bodies a belt is met later than without them, so elsewhere.
             ends = None if isinstance(scene.task.goal, MovingPoint) else motion
             first = first_motion(at_rest(scene, ends))
-            way = Attempt(scene, first, int(_FINER_FOR_WAYS * self.optimiser.intervals))
+            way = Attempt(scene, first, self.optimiser.intervals)
             plan, ways = fastest_way(way, motion, self.only_from, self.on_first_mesh, self.good_gap)
             found.append(replace(plan, scene=scene, ways=ways))
         except ENDS_AN_ATTEMPT as error:
@@ -373,7 +370,8 @@ class Run(Loop):
             if not isinstance(better, Plan):
                 break
             shorter = better.duration < (1 - _SHORTER) * found.duration
-            if not shorter and (better.duration > found.duration or better.gap >= found.gap):
+            longer = better.duration > (1 + _SHORTER) * found.duration
+            if not shorter and (longer or better.gap >= found.gap):
                 break
             if not is_clear(scene, better.trajectory):
                 break
