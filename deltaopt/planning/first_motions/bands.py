@@ -97,7 +97,7 @@ class Bodies:
         if not self.scene.planned_links:
             return distance, slope
         of_links, by_place = planned_distances(self.scene, x)
-        out_of_reach = np.isnan(of_links)  # where another limit holds
+        out_of_reach = np.isnan(of_links) | np.isnan(by_place).any(axis=2)  # another limit holds
         of_links[out_of_reach], by_place[out_of_reach] = np.inf, 0.0
         return np.hstack([distance, of_links]), np.hstack([slope, by_place])
 
@@ -268,17 +268,19 @@ class Bodies:
         return tuple(dict.fromkeys(name for _, name in sorted(found)))
 
     def passed(self, distance: Array, slope: Array) -> tuple[Index, Index]:
-        """On which sides paths pass each body, (..., rows), and at which of their places, by the
-        distances and their derivatives there, (..., n, rows) and (..., n, rows, 3): the number of
-        the axis along which they are pushed away from it where they are nearest, counted from 1
-        and with its sign; 0 for bodies that they do not come near."""
+        """On which sides paths pass each body, (..., rows), and where they are nearest to it, by
+        the distances of their places and the derivatives, (..., n, rows) and (..., n, rows, 3): the
+        number of the axis along which they are pushed away most there, counted from 1 and with its
+        sign; 0 for bodies that they do not come near."""
         room = distance - self.kept
-        nearest = room.argmin(axis=-2)[..., None, :]
-        pushed = np.take_along_axis(slope, nearest[..., None], axis=-3)[..., 0, :, :]
-        axis = np.abs(pushed).argmax(axis=-1)[..., None]
-        sign = np.sign(np.take_along_axis(pushed, axis, axis=-1))[..., 0].astype(int)
-        is_near = np.take_along_axis(room, nearest, axis=-2)[..., 0, :] <= _NEAR * self.way
-        return np.where(is_near, (axis[..., 0] + 1) * sign, 0), nearest[..., 0, :]
+        nearest = room.argmin(axis=-2)
+        push = np.take_along_axis(slope, nearest[..., None, :, None], axis=-3)[..., 0, :, :]
+        axis = np.abs(push).argmax(axis=-1)
+        along = np.take_along_axis(push, axis[..., None], axis=-1)[..., 0]
+        least = np.take_along_axis(room, nearest[..., None, :], axis=-2)[..., 0, :]
+        return np.where(least <= _NEAR * self.way, np.sign(along), 0.0).astype(int) * (
+            axis + 1
+        ), nearest
 
     def too_near(self, band: Array) -> str:
         """Where a band comes nearest to a body for what it is to keep, in words; empty if it is

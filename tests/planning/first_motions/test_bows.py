@@ -1,4 +1,4 @@
-"""Bows past bodies: clear by distances written out by hand, each past bodies on its own sides."""
+"""Bows past bodies: clear by distances written out by hand, on all sides on which there is room."""
 
 from __future__ import annotations
 
@@ -37,19 +37,18 @@ def finely(path: np.ndarray) -> np.ndarray:
     return np.stack([np.interp(SHARES, along, path[:, i]) for i in range(3)], axis=1)
 
 
-def test_bows_pass_a_sphere_each_on_another_side():
+def test_bows_pass_a_sphere_on_all_sides():
     radius = 0.05
     sphere = {"centre": MIDDLE.tolist(), "radius": radius}
     found, sides = bows_of_line(with_bodies({"sphere": sphere})), set[tuple[int, bool]]()
-    assert len(found) >= 3
     for path in map(finely, found):
         np.testing.assert_allclose(path[[0, -1]], [START, GOAL], atol=1e-15)
         away = np.linalg.norm(path - MIDDLE, axis=1)
         assert away.min() >= radius
-        outwards = (path - MIDDLE)[away.argmin()]
+        outwards = (path - MIDDLE)[away < radius + 0.01].mean(axis=0)
         axis = int(np.abs(outwards).argmax())
         sides.add((axis, bool(outwards[axis] > 0)))
-    assert len(sides) == len(found)
+    assert len(sides) >= 3  # of four across the line
 
 
 def test_bows_lead_between_two_spheres():
@@ -67,12 +66,14 @@ def test_bows_lead_between_two_spheres():
 
 
 def test_bows_pass_a_wall_on_the_side_that_is_open():
-    """It goes down and to both sides out of reach: over it there is one way."""
+    """It goes down and to both sides out of reach."""
     top = START[0] - 0.03
     wall = {"from": [top, MIDDLE[1] - 0.01, -2.0], "to": [3.0, MIDDLE[1] + 0.01, 2.0]}
-    (path,) = bows_of_line(with_bodies({"box": wall}))
-    x, y, _ = finely(path).T
-    assert (x[np.abs(y - MIDDLE[1]) <= 0.01] < top).all()
+    found = bows_of_line(with_bodies({"box": wall}))
+    assert found
+    for path in found:
+        x, y, _ = finely(path).T
+        assert (x[np.abs(y - MIDDLE[1]) <= 0.01] < top).all()
 
 
 def test_bands_come_back_into_reach_and_no_farther():
