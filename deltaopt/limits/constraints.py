@@ -294,6 +294,16 @@ class Constraints:
         parts = self._convex_items(numbers)
         return ca.vertcat(*(limit.measure(motion, own) for limit, own in parts))
 
+    def alike(self, x: SX, numbers: SX) -> Iterator[tuple[slice, SX, SX, SX]]:
+        """Rows that are one function of the position x, 3, m, and of numbers of their own, item by
+        item: which they are, the function, symbols for the numbers of one, and those of all."""
+        motion = AnyInstant(self.motors)
+        motion.x = x
+        for (limit, own), rows in zip(self.with_numbers(numbers), self.slices, strict=True):
+            if isinstance(limit, ConvexLimit) and (size := limit.numbers_of_each(own.numel())):
+                each = SX.sym("each", size)
+                yield rows, limit.rows(motion, each), each, own
+
     @cached_property
     def edge_radii(self) -> ca.Function:
         """Numbers of all items -> least radii of curvature of their bounds, m."""

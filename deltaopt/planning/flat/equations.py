@@ -14,7 +14,7 @@ from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.running_cost import Running
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import PlatformInstant
-from deltaopt.planning.flat.point_problem import PointProblem, Sides
+from deltaopt.planning.flat.point_problem import Alike, PointProblem, Sides
 from deltaopt.planning.nlp.cost import effort_of
 from deltaopt.planning.nlp.scaling import Parameters
 
@@ -114,13 +114,15 @@ class PointEquations:
         """These equations for the interior-point method, which eliminates the torques, and their
         rates; ``rate``: of the running cost, if there is one."""
         order, end = self.constraints.order, 3 * (self.constraints.order + 1)
+        p = self.parameters
+        x = p.origin + p.length * self.y[:3]
         sides = [Sides((upper, lower)) for lower, upper in self.constraints.closed_sides.tolist()]
         return PointProblem(
             coordinates=3,
             derivatives=order,
             y=ca.vertcat(self.y[:end], self.y[-1]),
             tau=self.y[end:-1],
-            p=self.parameters.vector,
+            p=p.vector,
             force=self.force,
             rows=self.rows,
             sides=tuple(sides),
@@ -129,7 +131,8 @@ class PointEquations:
             saturating=self.saturating,
             strengths=self.strengths,
             covers=self.covers,
-            own=self.parameters.widths,
+            own=p.widths,
+            alike=tuple(Alike(*each) for each in self.constraints.alike(x, p.limits)),
         )
 
 

@@ -7,10 +7,13 @@ makes more of one long sum than of CasADi's single operations.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
 from importlib.resources import files
 
+import casadi as ca
+
 from deltaopt.codegen.simd_c import LANES, VECTOR, c_function
-from deltaopt.planning.flat.point_problem import Entries, PointProblem
+from deltaopt.planning.flat.point_problem import Alike, Entries, PointProblem
 
 PARTS = ("problem", "knots_and_points", "rows", "kkt_system", "interior_point")
 """The files of the method's own text, in the order in which they are compiled."""
@@ -19,7 +22,8 @@ PARTS = ("problem", "knots_and_points", "rows", "kkt_system", "interior_point")
 def source(problem: PointProblem, points: int) -> str:
     """C text of the method for a problem with that many points in an interval."""
     functions = problem.functions
-    C, H, second = _with_torques_eliminated(problem)
+    loops = _Loop.over(problem)
+    C, H, second = _with_torques_eliminated(problem, loops)
     sides = [side.value for side in problem.sides]
     sizes = {
         "NM": problem.coordinates,
@@ -32,7 +36,7 @@ def source(problem: PointProblem, points: int) -> str:
         "NP": problem.p.numel(),
         "NO": problem.own.numel(),
         "OWN": problem.place_of_own,
-        "NQ": functions.prepare.numel_out(0),
+        "NQ": loops[-1].end if loops else functions.prepare.numel_out(0),
         "NZ": len(C),
         "NH": len(H),
         "NE": functions.values.numel_out(2),
@@ -48,14 +52,88 @@ def source(problem: PointProblem, points: int) -> str:
             _present("LOWER", [lower for _, lower in sides]),
             _components(C, len(sides), 2 * problem.coordinates),
             _present("STATE", _of_state(C, len(sides), _position_and_velocity(problem))),
-            c_function(functions.prepare, "prepare"),
-            c_function(functions.values, "values"),
+            c_function(functions.prepare, "prepare_others"),
+            c_function(functions.values, "values_of_others"),
             c_function(functions.second, "second_by_parts"),
+            *(loop.text for loop in loops),
+            _text(
+                "prepare(const V *p, V *q)",
+                ["prepare_others(p, q);", *(loop.prepare for loop in loops)],
+            ),
+            _text(
+                "values(const V *y, const V *q, V *c, V *g, V *e)",
+                ["values_of_others(y, q, c, g, e);", *(loop.values for loop in loops)],
+            ),
             second,
             *_products_with_rows(C, H, problem.y.numel()),
             *(here.joinpath(f"{part}.c").read_text() for part in PARTS),
         ]
     )
+
+
+@dataclass(frozen=True)
+class _Loop:
+    """C text of a loop over rows that are alike. ``name``: what the names of its functions end
+    with. ``at``: where in q that which is prepared for them begins. ``place``: of their numbers in
+    p."""
+
+    name: str
+    alike: Alike
+    functions: tuple[ca.Function, ca.Function, ca.Function]
+    at: int
+    place: int
+
+    @classmethod
+    def over(cls, problem: PointProblem) -> list[_Loop]:
+        """Over the rows of each kind."""
+        loops, at = list[_Loop](), problem.functions.prepare.numel_out(0)
+        for kind, alike in enumerate(problem.alike):
+            functions = alike.functions(problem.y[: problem.coordinates], problem.p)
+            loops.append(cls(f"_{kind}", alike, functions, at, problem.place(alike.all_numbers)))
+            at = loops[-1].end
+        return loops
+
+    @property
+    def end(self) -> int:
+        """Where in q what is prepared ends."""
+        return self.at + self._prepared * self.alike.count
+
+    @property
+    def text(self) -> str:
+        """The functions for one row."""
+        return "\n".join(c_function(each, each.name() + self.name) for each in self.functions)
+
+    @property
+    def prepare(self) -> str:
+        numbers = f"p + {self.place} + {self.alike.numbers.numel()} * k"
+        return f"{self._each} prepare{self.name}(p, {numbers}, {self._own});"
+
+    @property
+    def values(self) -> str:
+        return f"{self._each} value{self.name}(y, {self._own}, c + {self.alike.rows.start} + k);"
+
+    def second(self, C: Entries, H: Entries, coordinates: int) -> str:
+        """Its part of the derivatives ``C`` and ``H``."""
+        slopes = f"{C[self.alike.rows.start, 0]} + {coordinates} * k"
+        places = [(a, b) for b in range(coordinates) for a in range(b + 1)]
+        bent = [
+            f"{H[place]} += w[{self.alike.rows.start} + k] * h[{i}];"
+            for i, place in enumerate(places)
+        ]
+        calls = [f"V h[{len(places)}];", f"second{self.name}(y, {self._own}, &{slopes}, h);"]
+        return f"{self._each} {{ {' '.join([*calls, *bent])} }}"
+
+    @property
+    def _each(self) -> str:
+        return f"for (int k = 0; k < {self.alike.count}; k++)"
+
+    @property
+    def _own(self) -> str:
+        return f"q + {self.at} + {self._prepared} * k"
+
+    @property
+    def _prepared(self) -> int:
+        return int(self.functions[0].numel_out(0))
 
 
 def _of_state(C: Entries, rows: int, components: Collection[int]) -> list[bool]:
@@ -86,7 +164,9 @@ def _present(name: str, sides: Sequence[bool]) -> str:
     return f"static const char {name}_TABLE[] = {{{table}}};\n#define {name}(r) ({name}_TABLE[r])"
 
 
-def _with_torques_eliminated(problem: PointProblem) -> tuple[Entries, Entries, str]:
+def _with_torques_eliminated(
+    problem: PointProblem, loops: Sequence[_Loop]
+) -> tuple[Entries, Entries, str]:
     """Derivatives of the rows, C, and of the weighted sum, H, by y, tau being a function of y; and
     the C function ``second`` that finds them and the derivatives of all integrands.
 
@@ -107,13 +187,18 @@ def _with_torques_eliminated(problem: PointProblem) -> tuple[Entries, Entries, s
     bent = _add(partial.by_tau_and_y, _product(partial.twice_by_tau, slope))
     bent_entries = _assign("bent", bent, lines)
     rows = _add(partial.rows_by_y, _product(partial.rows_by_tau, slope))
+    X = range(problem.coordinates)
+    for loop in loops:
+        own = range(loop.alike.rows.start, loop.alike.rows.stop)
+        rows |= {(row, a): [] for row in own for a in X}
     C = {place: f"C[{k}]" for k, place in enumerate(sorted(p for p in rows if p[0] < nc))}
-    lines += [f"{C[place]} = {_sum(rows[place])};" for place in C]
+    lines += [f"{C[place]} = {_sum(rows[place])};" for place in C if rows[place]]
     for k in range(problem.integrands.numel() + problem.running.numel()):
         for a in range(ny):
             terms = rows.get((nc + k, a), [])
             lines.append(f"C[{len(C) + ny * k + a}] = {_sum(terms)};")
-    twice = _add(partial.twice_by_y, {})
+    no_curvature: Terms = {(a, b): [] for a in X for b in X if loops}
+    twice = _add(partial.twice_by_y, no_curvature)
     for k in range(nt):
         mixed = _product(_transposed(_row(k, partial.by_tau_and_y)), slope)
         both = _add(mixed, _product(_transposed(_row(k, slope)), bent_entries))
@@ -121,6 +206,7 @@ def _with_torques_eliminated(problem: PointProblem) -> tuple[Entries, Entries, s
     upper = sorted(place for place in twice if place[0] <= place[1])
     H = {place: f"H[{k}]" for k, place in enumerate(upper)}
     lines += [f"{H[place]} = {_sum(twice[place])};" for place in H]
+    lines += [loop.second(C, H, problem.coordinates) for loop in loops]
     head = "second(const V *y, const V *e, const V *w, const V *q, V *C, V *H)"
     return C, H, _text(head, lines)
 

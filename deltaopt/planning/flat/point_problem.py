@@ -23,10 +23,48 @@ Entries = dict[tuple[int, int], str]
 
 
 @dataclass(frozen=True)
+class Alike:
+    """Rows that are one function of the position and of numbers of their own each, one after the
+    other, such as distances from bodies of a kind: derived and compiled once for all of them.
+
+    ``rows``: which they are. ``one``: the function of the position, X, and of parameters and
+    ``numbers``, symbols that stand for those of one row. ``all_numbers``: those among the
+    parameters, one row's after the other's.
+    """
+
+    rows: slice
+    one: ca.SX
+    numbers: ca.SX
+    all_numbers: ca.SX
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return int(self.rows.stop - self.rows.start)
+
+    def functions(self, X: ca.SX, p: ca.SX) -> tuple[ca.Function, ca.Function, ca.Function]:
+        """(p, numbers) -> what depends on these alone, and with that as q: (X, q) -> the row;
+        (X, q) -> its gradient by X and the upper triangle of its Hessian, by columns."""
+        hessian, gradient = ca.hessian(self.one, X)
+        results = [self.one, gradient, _upper_triangle(hessian)]
+        reduced, symbols, parametric = ca.extract_parametric(results, ca.vertcat(p, self.numbers))
+        needed = [s for s in ca.symvar(ca.vertcat(*reduced)) if not ca.depends_on(X, s)]
+        q = ca.vertcat(*needed)
+        (prepared,) = ca.substitute([q], symbols, parametric)
+        return (
+            _function("prepare", [p, self.numbers], [prepared]),
+            _function("value", [X, q], reduced[:1]),
+            _function("second", [X, q], reduced[1:]),
+        )
+
+
+@dataclass(frozen=True)
 class PointFunctions:
-    """``prepare``: p -> q, parameters and what depends on them alone, but for
-    those of each interval's own. ``values``: (y, q) -> rows,
-    T (integrands - 1) and T running, and e: tau and the inverse of -∂force/∂tau by columns.
+    """Of all rows but those that are alike, in place of which there are zeros.
+
+    ``prepare``: p -> q, parameters and what depends on them alone, but for those of each interval's
+    own. ``values``: (y, q) -> rows, T (integrands - 1) and T running, and e: tau and the inverse of
+    -∂force/∂tau by columns.
     ``second``: (y, e, w, q) -> the nonzeros of the matrices that follow, by columns; w: weights of
     rows and integrands.
 
@@ -70,6 +108,7 @@ class PointProblem:
     ``own``: those of the parameters that each interval has of its own, next to each other in p.
     ``straight``: of how many of the last equations the method takes no curvature, as of rates of
     torques: that would be three quarters of the program, and saves no iteration.
+    ``alike``: which rows are alike.
     """
 
     coordinates: int
@@ -87,6 +126,7 @@ class PointProblem:
     covers: ca.SX = field(default_factory=lambda: ca.SX(0, 0))
     own: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     straight: int = 0
+    alike: tuple[Alike, ...] = ()
 
     def __post_init__(self) -> None:
         """Raises ValueError where sizes do not agree or the equations are not affine in tau."""
@@ -111,8 +151,12 @@ class PointProblem:
     @property
     def place_of_own(self) -> int:
         """Where in p the parameters of each interval's own begin."""
+        return self.place(self.own) if self.own.numel() else 0
+
+    def place(self, of: ca.SX) -> int:
+        """Where in p some of the parameters begin."""
         names = [str(self.p[k]) for k in range(self.p.numel())]
-        return names.index(str(self.own[0])) if self.own.numel() else 0
+        return names.index(str(of[0]))
 
     @cached_property
     def functions(self) -> PointFunctions:
@@ -122,7 +166,7 @@ class PointProblem:
         """
         inverse = _inverse(-ca.jacobian(self.force, self.tau))
         tau = inverse @ ca.substitute(self.force, self.tau, ca.SX.zeros(self.tau.numel()))
-        results = ca.substitute([self.rows, self._integrals], [self.tau], [tau])
+        results = ca.substitute([self._others, self._integrals], [self.tau], [tau])
         results.append(ca.vertcat(tau, ca.vec(inverse)))
         arguments, matrices = self._partial_derivatives()
         nonzeros = [ca.vec(matrix.nz[:]) for matrix in matrices]
@@ -143,7 +187,7 @@ class PointProblem:
         inverse = ca.SX.sym("inverse", tau.numel(), tau.numel())
         nu = ca.SX.sym("nu", tau.numel())
         w = ca.SX.sym("w", self.rows.numel() + self._integrals.numel())
-        c = ca.vertcat(self.rows, self._integrals)
+        c = ca.vertcat(self._others, self._integrals)
         adjoint = inverse.T @ ca.gradient(ca.dot(w, c), tau)
         curved = tau.numel() - self.straight
         lagrangian = ca.dot(ca.vertcat(nu[:curved], w), ca.vertcat(self.force[:curved], c))
@@ -173,6 +217,14 @@ class PointProblem:
         return left_out
 
     @property
+    def _others(self) -> ca.SX:
+        """The rows, 0 in place of those that are alike."""
+        rows = ca.SX(self.rows)
+        for alike in self.alike:
+            rows[alike.rows] = 0
+        return rows
+
+    @property
     def _integrals(self) -> ca.SX:
         """By the share of a phase's duration: nonpositive in sum where the mean of an integrand is
         at most 1; last the rate of the running cost, if there is one."""
@@ -181,6 +233,11 @@ class PointProblem:
 
 def _function(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> ca.Function:
     return ca.Function(name, arguments, [ca.densify(each) for each in results], {"cse": True})
+
+
+def _upper_triangle(matrix: ca.SX) -> ca.SX:
+    """The upper triangle of a matrix, with its diagonal, by columns."""
+    return ca.vertcat(*(matrix[a, b] for b in range(matrix.shape[1]) for a in range(b + 1)))
 
 
 def _inverse(B: ca.SX) -> ca.SX:
