@@ -295,13 +295,13 @@ class Constraints:
         return ca.vertcat(*(limit.measure(motion, own) for limit, own in parts))
 
     def alike(self, x: SX, numbers: SX) -> Iterator[tuple[slice, SX, SX, SX]]:
-        """Rows that are one function of the position x, 3, m, and of numbers of their own, item by
-        item: which they are, the function, symbols for the numbers of one, and those of all."""
+        """The convex rows of each item as one function of the position x, 3, m, and of numbers of
+        their own: which they are, the function, symbols for the numbers of one, those of all."""
         motion = AnyInstant(self.motors)
         motion.x = x
         for (limit, own), rows in zip(self.with_numbers(numbers), self.slices, strict=True):
-            if isinstance(limit, ConvexLimit) and (size := limit.numbers_of_each(own.numel())):
-                each = SX.sym("each", size)
+            if isinstance(limit, ConvexLimit):
+                each = SX.sym("each", own.numel() // (rows.stop - rows.start))
                 yield rows, limit.rows(motion, each), each, own
 
     @cached_property

@@ -103,9 +103,6 @@ class _KeepOut(Distances, ConvexLimit):
     name, unit, subject, order = "clearance", "m", "tool", 0
     own_measure = OwnMeasure.CLEARANCE
 
-    def numbers_of_each(self, numbers: int) -> int:
-        return self._size(numbers)
-
     def edge_radii(self, numbers: SX) -> SX:
         """Radii of the edges that the tool's point goes around at its bound, m."""
         return ca.vertcat(*(self._edge(own) + own[-3] for own in self._split(numbers)))

@@ -249,14 +249,10 @@ class Limit:
 class ConvexLimit(Limit):
     """A limit whose measure is a convex function of the position alone, with lower bounds.
 
-    Tangent planes then bound it from below, so that it is known between samples.
+    Tangent planes then bound it from below, so that it is known between samples. All rows are one
+    function of the position and of numbers of their own, as many for each, one row's after the
+    other's: it is derived and compiled once for all of them.
     """
-
-    def numbers_of_each(self, numbers: int) -> int | None:
-        """How many of so many numbers each row has, where the rows are one function of the position
-        and of these, one row after the other: it is then derived and compiled once for all. None
-        where they are not."""
-        return None
 
     def edge_radii(self, numbers: SX) -> SX:
         """Least radii of curvature of the places that are at the bound, m, one for each row."""

@@ -240,7 +240,8 @@ class FlatProblem:
         Each phase has a duration of its own; position and velocity are continuous between them.
         """
         motion, cost = guess.trajectory, self.equations.cost
-        mesh, shares, prices = self.mesh, scaling.shares(self.intervals), guess.multipliers
+        mesh, prices = self.mesh, guess.multipliers
+        shares = np.where(scaling.limits.unused, np.inf, scaling.shares(self.intervals))
         total = motion.duration / scaling.time
         if self.equations.together > 1:
             mesh = joined(mesh, self.equations.together)

@@ -46,6 +46,7 @@ def source(problem: PointProblem, points: int) -> str:
     here = files("deltaopt.planning.flat")
     return "\n".join(
         [
+            "#include <string.h>",
             VECTOR,
             *(f"#define {name} {size}" for name, size in sizes.items()),
             _present("UPPER", [upper for upper, _ in sides]),
@@ -61,7 +62,7 @@ def source(problem: PointProblem, points: int) -> str:
                 ["prepare_others(p, q);", *(loop.prepare for loop in loops)],
             ),
             _text(
-                "values(const V *y, const V *q, V *c, V *g, V *e)",
+                "values(const V *y, const V *q, const double *s, V *c, V *g, V *e)",
                 ["values_of_others(y, q, c, g, e);", *(loop.values for loop in loops)],
             ),
             second,
@@ -101,7 +102,10 @@ class _Loop:
     @property
     def text(self) -> str:
         """The functions for one row."""
-        return "\n".join(c_function(each, each.name() + self.name) for each in self.functions)
+        return "\n".join(
+            c_function(each, each.name() + self.name, shared_reciprocals=True)
+            for each in self.functions
+        )
 
     @property
     def prepare(self) -> str:
@@ -110,18 +114,23 @@ class _Loop:
 
     @property
     def values(self) -> str:
-        return f"{self._each} value{self.name}(y, {self._own}, c + {self.alike.rows.start} + k);"
+        first = self.alike.rows.start
+        return (
+            f"{self._each} if (s[{first} + k]) value{self.name}(y, {self._own}, c + {first} + k);"
+        )
 
     def second(self, C: Entries, H: Entries, coordinates: int) -> str:
         """Its part of the derivatives ``C`` and ``H``."""
-        slopes = f"{C[self.alike.rows.start, 0]} + {coordinates} * k"
-        places = [(a, b) for b in range(coordinates) for a in range(b + 1)]
-        bent = [
-            f"{H[place]} += w[{self.alike.rows.start} + k] * h[{i}];"
-            for i, place in enumerate(places)
+        first, width = self.alike.rows.start, coordinates
+        places = [(a, b) for b in range(width) for a in range(b + 1)]
+        bent = [f"{H[place]} += w[{first} + k] * h[{i}];" for i, place in enumerate(places)]
+        lines = [
+            f"V *slopes = &{C[first, 0]} + {width} * k, h[{len(places)}];",
+            f"memset(slopes, 0, {width} * sizeof(V));",
+            f"if (!s[{first} + k]) continue;",
+            f"second{self.name}(y, {self._own}, slopes, h);",
         ]
-        calls = [f"V h[{len(places)}];", f"second{self.name}(y, {self._own}, &{slopes}, h);"]
-        return f"{self._each} {{ {' '.join([*calls, *bent])} }}"
+        return f"{self._each} {{ {' '.join([*lines, *bent])} }}"
 
     @property
     def _each(self) -> str:
@@ -207,7 +216,7 @@ def _with_torques_eliminated(
     H = {place: f"H[{k}]" for k, place in enumerate(upper)}
     lines += [f"{H[place]} = {_sum(twice[place])};" for place in H]
     lines += [loop.second(C, H, problem.coordinates) for loop in loops]
-    head = "second(const V *y, const V *e, const V *w, const V *q, V *C, V *H)"
+    head = "second(const V *y, const V *e, const V *w, const V *q, const double *s, V *C, V *H)"
     return C, H, _text(head, lines)
 
 
