@@ -37,6 +37,22 @@ MIXED = -1
 
 
 @dataclass(frozen=True)
+class Alike:
+    """The rows of an item that are one function of the position and of numbers of their own each.
+
+    ``rows``: which they are. ``numbers``: where those of all are, one row's after the other's.
+    ``own``: symbols for those of one row, of which, and of the position, ``row`` and ``measure``
+    are the one function.
+    """
+
+    rows: slice
+    numbers: slice
+    own: SX
+    row: SX
+    measure: SX
+
+
+@dataclass(frozen=True)
 class Constraints:
     """The limits of a scene without their numbers: each item's limit, and how many numbers it has.
 
@@ -294,15 +310,16 @@ class Constraints:
         parts = self._convex_items(numbers)
         return ca.vertcat(*(limit.measure(motion, own) for limit, own in parts))
 
-    def alike(self, x: SX, numbers: SX) -> Iterator[tuple[slice, SX, SX, SX]]:
-        """The convex rows of each item as one function of the position x, 3, m, and of numbers of
-        their own: which they are, the function, symbols for the numbers of one, those of all."""
-        motion = AnyInstant(self.motors)
+    def alike(self, x: SX) -> Iterator[Alike]:
+        """The convex rows, item by item, as functions of the position x, 3, m."""
+        motion, first = AnyInstant(self.motors), 0
         motion.x = x
-        for (limit, own), rows in zip(self.with_numbers(numbers), self.slices, strict=True):
+        for (limit, size), rows in zip(self.items, self.slices, strict=True):
             if isinstance(limit, ConvexLimit):
-                each = SX.sym("each", own.numel() // (rows.stop - rows.start))
-                yield rows, limit.rows(motion, each), each, own
+                own = SX.sym("own", size // (rows.stop - rows.start))
+                row, measure = limit.rows(motion, own), limit.measure(motion, own)
+                yield Alike(rows, slice(first, first + size), own, row, measure)
+            first += size
 
     @cached_property
     def edge_radii(self) -> ca.Function:

@@ -132,7 +132,10 @@ class PointEquations:
             strengths=self.strengths,
             covers=self.covers,
             own=p.widths,
-            alike=tuple(Alike(*each) for each in self.constraints.alike(x, p.limits)),
+            alike=tuple(
+                Alike(each.rows, each.row, each.own, p.limits[each.numbers])
+                for each in self.constraints.alike(x)
+            ),
         )
 
 
