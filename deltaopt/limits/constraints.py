@@ -45,7 +45,7 @@ class Alike:
     are the one function.
     """
 
-    rows: slice
+    rows: range
     numbers: slice
     own: SX
     row: SX
@@ -310,15 +310,17 @@ class Constraints:
         parts = self._convex_items(numbers)
         return ca.vertcat(*(limit.measure(motion, own) for limit, own in parts))
 
-    def alike(self, x: SX) -> Iterator[Alike]:
-        """The convex rows, item by item, as functions of the position x, 3, m."""
-        motion, first = AnyInstant(self.motors), 0
+    def alike(self, x: SX, first: int = 0) -> Iterator[Alike]:
+        """The convex rows, item by item, as functions of the position x, 3, m; ``first``: where the
+        numbers of the limits begin among those that ``Alike.numbers`` is about."""
+        motion = AnyInstant(self.motors)
         motion.x = x
         for (limit, size), rows in zip(self.items, self.slices, strict=True):
             if isinstance(limit, ConvexLimit):
-                own = SX.sym("own", size // (rows.stop - rows.start))
+                which, numbers = range(rows.start, rows.stop), slice(first, first + size)
+                own = SX.sym("own", size // len(which))
                 row, measure = limit.rows(motion, own), limit.measure(motion, own)
-                yield Alike(rows, slice(first, first + size), own, row, measure)
+                yield Alike(which, numbers, own, row, measure)
             first += size
 
     @cached_property

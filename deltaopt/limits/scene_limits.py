@@ -8,7 +8,6 @@ from functools import cached_property, lru_cache
 from itertools import pairwise, starmap
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.limits.constraints import Constraints
@@ -85,11 +84,6 @@ class SceneLimits:
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bound of every measure in its unit, infinite where there is none."""
         return _bounds(self.constraints, tuple(self.numbers.tolist()))[:2]
-
-    @cached_property
-    def unused(self) -> NDArray[np.bool]:
-        """Which rows are those of unused places, that few functions serve all scenes, (rows,)."""
-        return np.asarray(self.constraints.convex & np.isneginf(self.bounds[0]))
 
     @cached_property
     def scales(self) -> Array:

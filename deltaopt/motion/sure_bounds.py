@@ -122,6 +122,5 @@ def _functions(constraints: Constraints) -> list[tuple[slice, RowFunction]]:
     for alike in constraints.alike(x):
         outputs = [ca.densify(each) for each in (alike.measure, ca.gradient(alike.measure, x))]
         function = ca.Function("tangents", [x, alike.own], outputs, {"cse": True})
-        count = alike.rows.stop - alike.rows.start
-        functions.append((alike.numbers, RowFunction(function, times=count)))
+        functions.append((alike.numbers, RowFunction(function, times=len(alike.rows))))
     return functions

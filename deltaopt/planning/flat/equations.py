@@ -14,7 +14,7 @@ from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.running_cost import Running
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import PlatformInstant
-from deltaopt.planning.flat.point_problem import Alike, PointProblem, Sides
+from deltaopt.planning.flat.point_problem import PointProblem, Sides
 from deltaopt.planning.nlp.cost import effort_of
 from deltaopt.planning.nlp.scaling import Parameters
 
@@ -116,6 +116,7 @@ class PointEquations:
         order, end = self.constraints.order, 3 * (self.constraints.order + 1)
         p = self.parameters
         x = p.origin + p.length * self.y[:3]
+        before = ca.vertcat(p.origin, p.length, p.time, p.torque, p.motors).numel()
         sides = [Sides((upper, lower)) for lower, upper in self.constraints.closed_sides.tolist()]
         return PointProblem(
             coordinates=3,
@@ -132,10 +133,7 @@ class PointEquations:
             strengths=self.strengths,
             covers=self.covers,
             own=p.widths,
-            alike=tuple(
-                Alike(each.rows, each.row, each.own, p.limits[each.numbers])
-                for each in self.constraints.alike(x)
-            ),
+            alike=tuple(self.constraints.alike(x, before)),
         )
 
 

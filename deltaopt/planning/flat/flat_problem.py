@@ -241,7 +241,8 @@ class FlatProblem:
         """
         motion, cost = guess.trajectory, self.equations.cost
         mesh, prices = self.mesh, guess.multipliers
-        shares = np.where(scaling.limits.unused, np.inf, scaling.shares(self.intervals))
+        unused = scaling.constraints.convex & np.isneginf(scaling.limits.bounds[0])
+        shares = np.where(unused, np.inf, scaling.shares(self.intervals))
         total = motion.duration / scaling.time
         if self.equations.together > 1:
             mesh = joined(mesh, self.equations.together)

@@ -13,7 +13,8 @@ from importlib.resources import files
 import casadi as ca
 
 from deltaopt.codegen.simd_c import LANES, VECTOR, c_function
-from deltaopt.planning.flat.point_problem import Alike, Entries, PointProblem
+from deltaopt.limits.constraints import Alike
+from deltaopt.planning.flat.point_problem import Entries, PointProblem, dense_function
 
 PARTS = ("problem", "knots_and_points", "rows", "kkt_system", "interior_point")
 """The files of the method's own text, in the order in which they are compiled."""
@@ -22,7 +23,7 @@ PARTS = ("problem", "knots_and_points", "rows", "kkt_system", "interior_point")
 def source(problem: PointProblem, points: int) -> str:
     """C text of the method for a problem with that many points in an interval."""
     functions = problem.functions
-    loops = _Loop.over(problem)
+    loops = _loops(problem)
     C, H, second = _with_torques_eliminated(problem, loops)
     sides = [side.value for side in problem.sides]
     sizes = {
@@ -43,6 +44,11 @@ def source(problem: PointProblem, points: int) -> str:
         "NG": points // LANES,
         "SIDES": sum(map(sum, sides)),
     }
+    prepare = (
+        loop.calls(0, f"p, p + {loop.alike.numbers.start} + {loop.alike.own.numel()} * k, OWN")
+        for loop in loops
+    )
+    values = (loop.calls(1, "y, OWN, c + r", "if (s[r])") for loop in loops)
     here = files("deltaopt.planning.flat")
     return "\n".join(
         [
@@ -56,14 +62,15 @@ def source(problem: PointProblem, points: int) -> str:
             c_function(functions.prepare, "prepare_others"),
             c_function(functions.values, "values_of_others"),
             c_function(functions.second, "second_by_parts"),
-            *(loop.text for loop in loops),
-            _text(
-                "prepare(const V *p, V *q)",
-                ["prepare_others(p, q);", *(loop.prepare for loop in loops)],
+            *(
+                c_function(function, function.name(), shared_reciprocals=True)
+                for loop in loops
+                for function in loop.functions
             ),
+            _text("prepare(const V *p, V *q)", ["prepare_others(p, q);", *prepare]),
             _text(
                 "values(const V *y, const V *q, const double *s, V *c, V *g, V *e)",
-                ["values_of_others(y, q, c, g, e);", *(loop.values for loop in loops)],
+                ["values_of_others(y, q, c, g, e);", *values],
             ),
             second,
             *_products_with_rows(C, H, problem.y.numel()),
@@ -74,75 +81,62 @@ def source(problem: PointProblem, points: int) -> str:
 
 @dataclass(frozen=True)
 class _Loop:
-    """C text of a loop over rows that are alike. ``name``: what the names of its functions end
-    with. ``at``: where in q that which is prepared for them begins. ``place``: of their numbers in
-    p."""
+    """C text of a loop over rows that are alike.
 
-    name: str
+    ``functions``: (p, numbers of a row) -> q, what depends on these alone; (X, q) -> the row; (X,
+    q) -> its derivatives by X and the upper triangle of its Hessian. ``at``: where in the method's
+    q those of the rows begin.
+    """
+
     alike: Alike
-    functions: tuple[ca.Function, ca.Function, ca.Function]
+    functions: tuple[ca.Function, ...]
     at: int
-    place: int
-
-    @classmethod
-    def over(cls, problem: PointProblem) -> list[_Loop]:
-        """Over the rows of each kind."""
-        loops, at = list[_Loop](), problem.functions.prepare.numel_out(0)
-        for kind, alike in enumerate(problem.alike):
-            functions = alike.functions(problem.y[: problem.coordinates], problem.p)
-            loops.append(cls(f"_{kind}", alike, functions, at, problem.place(alike.all_numbers)))
-            at = loops[-1].end
-        return loops
 
     @property
     def end(self) -> int:
-        """Where in q what is prepared ends."""
-        return self.at + self._prepared * self.alike.count
+        """Where in the method's q those of the rows end."""
+        return self.at + self.functions[0].numel_out(0) * len(self.alike.rows)
 
-    @property
-    def text(self) -> str:
-        """The functions for one row."""
-        return "\n".join(
-            c_function(each, each.name() + self.name, shared_reciprocals=True)
-            for each in self.functions
+    def calls(self, which: int, arguments: str, before: str = "", after: str = "") -> str:
+        """Calls of a function for each row r, the k-th of them, with its q in place of OWN."""
+        rows, own = self.alike.rows, f"q + {self.at} + {self.functions[0].numel_out(0)} * k"
+        call = f"{self.functions[which].name()}({arguments.replace('OWN', own)});"
+        begin = f"for (int k = 0, r = {rows.start}; k < {len(rows)}; k++, r++)"
+        return f"{begin} {{ {before} {call} {after} }}"
+
+    def second(self, C: Entries, H: Entries, width: int) -> str:
+        """Its part of the derivatives ``C`` and ``H``; ``width``: of X."""
+        places = _upper(width)
+        begin = f"V *slopes = &{C[self.alike.rows.start, 0]} + {width} * k, h[{len(places)}];"
+        none = f"if (!s[r]) {{ memset(slopes, 0, {width} * sizeof(V)); continue; }}"
+        bent = " ".join(f"{H[place]} += w[r] * h[{i}];" for i, place in enumerate(places))
+        return self.calls(2, "y, OWN, slopes, h", f"{begin} {none}", bent)
+
+
+def _loops(problem: PointProblem) -> list[_Loop]:
+    """Over the rows of each kind that are alike."""
+    X, loops = problem.y[: problem.coordinates], list[_Loop]()
+    at = problem.functions.prepare.numel_out(0)
+    for alike in problem.alike:
+        hessian, gradient = ca.hessian(alike.row, X)
+        upper = ca.vertcat(*(hessian[place] for place in _upper(X.numel())))
+        results, known = [alike.row, gradient, upper], [problem.p, alike.own]
+        reduced, symbols, parametric = ca.extract_parametric(results, ca.vertcat(*known))
+        needed = [s for s in ca.symvar(ca.vertcat(*reduced)) if not ca.depends_on(X, s)]
+        q = ca.vertcat(*needed)
+        functions = (
+            dense_function(f"prepare_{at}", known, ca.substitute([q], symbols, parametric)),
+            dense_function(f"value_{at}", [X, q], reduced[:1]),
+            dense_function(f"slope_{at}", [X, q], reduced[1:]),
         )
+        loops.append(_Loop(alike, functions, at))
+        at = loops[-1].end
+    return loops
 
-    @property
-    def prepare(self) -> str:
-        numbers = f"p + {self.place} + {self.alike.numbers.numel()} * k"
-        return f"{self._each} prepare{self.name}(p, {numbers}, {self._own});"
 
-    @property
-    def values(self) -> str:
-        first = self.alike.rows.start
-        return (
-            f"{self._each} if (s[{first} + k]) value{self.name}(y, {self._own}, c + {first} + k);"
-        )
-
-    def second(self, C: Entries, H: Entries, coordinates: int) -> str:
-        """Its part of the derivatives ``C`` and ``H``."""
-        first, width = self.alike.rows.start, coordinates
-        places = [(a, b) for b in range(width) for a in range(b + 1)]
-        bent = [f"{H[place]} += w[{first} + k] * h[{i}];" for i, place in enumerate(places)]
-        lines = [
-            f"V *slopes = &{C[first, 0]} + {width} * k, h[{len(places)}];",
-            f"memset(slopes, 0, {width} * sizeof(V));",
-            f"if (!s[{first} + k]) continue;",
-            f"second{self.name}(y, {self._own}, slopes, h);",
-        ]
-        return f"{self._each} {{ {' '.join([*lines, *bent])} }}"
-
-    @property
-    def _each(self) -> str:
-        return f"for (int k = 0; k < {self.alike.count}; k++)"
-
-    @property
-    def _own(self) -> str:
-        return f"q + {self.at} + {self._prepared} * k"
-
-    @property
-    def _prepared(self) -> int:
-        return int(self.functions[0].numel_out(0))
+def _upper(size: int) -> list[tuple[int, int]]:
+    """The places of the upper triangle of a matrix, by columns."""
+    return [(a, b) for b in range(size) for a in range(b + 1)]
 
 
 def _of_state(C: Entries, rows: int, components: Collection[int]) -> list[bool]:
@@ -197,9 +191,7 @@ def _with_torques_eliminated(
     bent_entries = _assign("bent", bent, lines)
     rows = _add(partial.rows_by_y, _product(partial.rows_by_tau, slope))
     X = range(problem.coordinates)
-    for loop in loops:
-        own = range(loop.alike.rows.start, loop.alike.rows.stop)
-        rows |= {(row, a): [] for row in own for a in X}
+    rows |= {(row, a): [] for loop in loops for row in loop.alike.rows for a in X}
     C = {place: f"C[{k}]" for k, place in enumerate(sorted(p for p in rows if p[0] < nc))}
     lines += [f"{C[place]} = {_sum(rows[place])};" for place in C if rows[place]]
     for k in range(problem.integrands.numel() + problem.running.numel()):

@@ -9,6 +9,8 @@ from functools import cached_property
 
 import casadi as ca
 
+from deltaopt.limits.constraints import Alike
+
 
 class Sides(Enum):
     """Which limits a constraint row has: at +1 (upper), at -1 (lower), or at both."""
@@ -20,42 +22,6 @@ class Sides(Enum):
 
 Entries = dict[tuple[int, int], str]
 """The nonzeros of a sparse matrix: their C text, by row and column."""
-
-
-@dataclass(frozen=True)
-class Alike:
-    """Rows that are one function of the position and of numbers of their own each, one after the
-    other, such as distances from bodies of a kind: derived and compiled once for all of them.
-
-    ``rows``: which they are. ``one``: the function of the position, X, and of parameters and
-    ``numbers``, symbols that stand for those of one row. ``all_numbers``: those among the
-    parameters, one row's after the other's.
-    """
-
-    rows: slice
-    one: ca.SX
-    numbers: ca.SX
-    all_numbers: ca.SX
-
-    @property
-    def count(self) -> int:
-        """How many there are."""
-        return int(self.rows.stop - self.rows.start)
-
-    def functions(self, X: ca.SX, p: ca.SX) -> tuple[ca.Function, ca.Function, ca.Function]:
-        """(p, numbers) -> what depends on these alone, and with that as q: (X, q) -> the row;
-        (X, q) -> its gradient by X and the upper triangle of its Hessian, by columns."""
-        hessian, gradient = ca.hessian(self.one, X)
-        results = [self.one, gradient, _upper_triangle(hessian)]
-        reduced, symbols, parametric = ca.extract_parametric(results, ca.vertcat(p, self.numbers))
-        needed = [s for s in ca.symvar(ca.vertcat(*reduced)) if not ca.depends_on(X, s)]
-        q = ca.vertcat(*needed)
-        (prepared,) = ca.substitute([q], symbols, parametric)
-        return (
-            _function("prepare", [p, self.numbers], [prepared]),
-            _function("value", [X, q], reduced[:1]),
-            _function("second", [X, q], reduced[1:]),
-        )
 
 
 @dataclass(frozen=True)
@@ -108,7 +74,8 @@ class PointProblem:
     ``own``: those of the parameters that each interval has of its own, next to each other in p.
     ``straight``: of how many of the last equations the method takes no curvature, as of rates of
     torques: that would be three quarters of the program, and saves no iteration.
-    ``alike``: which rows are alike.
+    ``alike``: which rows are one function of X, whose numbers are so many of p: it is derived and
+    compiled once for all of them.
     """
 
     coordinates: int
@@ -151,12 +118,8 @@ class PointProblem:
     @property
     def place_of_own(self) -> int:
         """Where in p the parameters of each interval's own begin."""
-        return self.place(self.own) if self.own.numel() else 0
-
-    def place(self, of: ca.SX) -> int:
-        """Where in p some of the parameters begin."""
         names = [str(self.p[k]) for k in range(self.p.numel())]
-        return names.index(str(of[0]))
+        return names.index(str(self.own[0])) if self.own.numel() else 0
 
     @cached_property
     def functions(self) -> PointFunctions:
@@ -175,9 +138,9 @@ class PointProblem:
         reduced, symbols, parametric = ca.extract_parametric([*results, *nonzeros], shared)
         q = ca.vertcat(self.p, *symbols)
         return PointFunctions(
-            _function("prepare", [self.p], [ca.vertcat(self.p, *parametric)]),
-            _function("values", [self.y, q], reduced[: len(results)]),
-            _function("second_by_parts", [*arguments, q], reduced[len(results) :]),
+            dense_function("prepare", [self.p], [ca.vertcat(self.p, *parametric)]),
+            dense_function("values", [self.y, q], reduced[: len(results)]),
+            dense_function("second_by_parts", [*arguments, q], reduced[len(results) :]),
             *(_entries(f"m{k}", matrix) for k, matrix in enumerate(matrices)),
         )
 
@@ -221,7 +184,7 @@ class PointProblem:
         """The rows, 0 in place of those that are alike."""
         rows = ca.SX(self.rows)
         for alike in self.alike:
-            rows[alike.rows] = 0
+            rows[list(alike.rows)] = 0
         return rows
 
     @property
@@ -231,13 +194,9 @@ class PointProblem:
         return self.y[-1] * ca.vertcat(self.integrands - 1, self.running)
 
 
-def _function(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> ca.Function:
+def dense_function(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> ca.Function:
+    """A function whose results have no structural zeros."""
     return ca.Function(name, arguments, [ca.densify(each) for each in results], {"cse": True})
-
-
-def _upper_triangle(matrix: ca.SX) -> ca.SX:
-    """The upper triangle of a matrix, with its diagonal, by columns."""
-    return ca.vertcat(*(matrix[a, b] for b in range(matrix.shape[1]) for a in range(b + 1)))
 
 
 def _inverse(B: ca.SX) -> ca.SX:
