@@ -110,7 +110,9 @@ def _tangents(problem: Problem, x: Array, numbers: Array) -> tuple[Array, Array]
         function(x, parameters=numbers[own])
         for own, function in _functions(problem.limits.constraints)
     ]
-    measures, slopes = found[0] if len(found) == 1 else map(np.hstack, zip(*found, strict=True))
+    none = (np.empty((len(x), 0)),) * 2
+    whole = found[0] if len(found) == 1 else map(np.hstack, zip(none, *found, strict=True))
+    measures, slopes = whole
     return measures, slopes.reshape(len(x), -1, 3)
 
 
