@@ -353,7 +353,9 @@ def _mesh_text(function: RowFunction, *, own_parts: bool) -> str:
 def _rows_text(function: RowFunction) -> str:
     """N is the number of rows of the first array."""
     inputs = [function.function.size1_in(i) for i in range(function.function.n_in())]
-    outputs = [function.function.size1_out(i) for i in range(function.function.n_out())]
+    outputs = [
+        function.times * function.function.size1_out(i) for i in range(function.function.n_out())
+    ]
     outputs = outputs[:-1] if function.guarded else outputs
     first = len(inputs)
     addresses = [*(f"c->array[{i}]" for i in range(first)), *(f"r{i}" for i in range(len(outputs)))]
@@ -373,7 +375,7 @@ def _rows_text(function: RowFunction) -> str:
         "}",
     ]
     return (
-        vectorised.source(function.function, guarded=function.guarded)
+        vectorised.source(function.function, guarded=function.guarded, times=function.times)
         + _READING
         + "\n".join(lines)
         + "\n"

@@ -36,10 +36,15 @@ class RowFunction:
 
     ``guarded``: whether the last result are guards, numbers that are not negative where the other
     results can be relied on. A call leaves them out; ``with_failures`` tells where they fail.
+
+    ``times``: how often it is evaluated at every point, each time with the next of so many equal
+    parts of p; each result then has the numbers of all times, one after the other. Not of one that
+    is guarded.
     """
 
     function: ca.Function
     guarded: bool = False
+    times: int = 1
 
     def __call__(self, *arguments: ArrayLike, parameters: Array) -> tuple[Array, ...]:
         return self.with_failures(*arguments, parameters=parameters)[0]
@@ -91,7 +96,11 @@ class RowFunction:
         return tuple(results), failed if failures else None
 
     def _interpreted(self, rows: list[Array], parameters: Array) -> Checked:
-        results = evaluate_rows(self.function, *rows, parameters=parameters)
+        each = [
+            evaluate_rows(self.function, *rows, parameters=own)
+            for own in np.split(np.asarray(parameters), self.times)
+        ]
+        results = tuple(np.concatenate(found, axis=-1) for found in zip(*each, strict=True))
         if not self.guarded:
             return results, None
         *others, guards = results
@@ -113,7 +122,8 @@ class RowFunction:
     def _sizes(self) -> tuple[int, ...]:
         """Sizes of the results of a point, without the guards."""
         return tuple(
-            self.function.size1_out(i) for i in range(self.function.n_out() - self.guarded)
+            self.times * self.function.size1_out(i)
+            for i in range(self.function.n_out() - self.guarded)
         )
 
     @cached_property
@@ -129,7 +139,7 @@ class RowFunction:
         """The compiled function of one address; None without a compiler."""
         if not self.function.is_a("SXFunction"):
             return None
-        built = library(source(self.function, guarded=self.guarded))
+        built = library(source(self.function, guarded=self.guarded, times=self.times))
         if built is None:
             return None
         code = ctypes.CDLL(str(built)).rows
@@ -143,7 +153,7 @@ class _Memory:
     def __init__(self, function: RowFunction) -> None:
         sizes = [size for (size,) in function._single]
         self.inputs = [np.empty((_FEW, size)) for size in sizes]
-        self.parameters = np.empty(function.function.size1_in(len(sizes)))
+        self.parameters = np.empty(function.times * function.function.size1_in(len(sizes)))
         self.results = [np.empty((_FEW, size)) for size in function._sizes]
         self.failed = np.empty(_FEW, dtype=bool)
         self.point = [a[0] for a in self.inputs]
@@ -232,20 +242,24 @@ def evaluate_rows(
     return tuple(r[0] if single else r for r in results)
 
 
-def source(function: ca.Function, *, guarded: bool = False) -> str:
+def source(function: ca.Function, *, guarded: bool = False, times: int = 1) -> str:
     """C source of ``rows``, which evaluates a function at n points, four at a time.
 
     Its argument are integers: n; for each x how many numbers lie between two points, 0 if one point
     serves all; the addresses of each x, p and r; the address of n bytes, which become 1 where a
     guard fails. It returns how many of them do; without guards no byte is written. If fewer than
-    four points are left, the last point fills the remaining lanes.
+    four points are left, the last point fills the remaining lanes. ``times``: as of `RowFunction`.
     """
     *varying, last = (function.size1_in(i) for i in range(function.n_in()))
-    outputs = [function.size1_out(i) for i in range(function.n_out())]
+    each = [function.size1_out(i) for i in range(function.n_out())]
+    k, part, last = len(varying), last, times * last
+    outputs = [times * size for size in each]
     results = outputs[:-1] if guarded else outputs
-    k = len(varying)
     names = [*(f"X{i}" for i in range(k + 1)), *(f"R{i}" for i in range(len(outputs)))]
-    sizes = [*varying, last, *outputs]
+    sizes, steps = [*varying, last, *outputs], [*[0] * k, part, *each]
+    places = [
+        f"{name} + {step} * i" if step else name for name, step in zip(names, steps, strict=True)
+    ]
     declared = ", ".join(f"{name}[{size}]" for name, size in zip(names, sizes, strict=True))
     addresses = [("const double *", f"x{i}") for i in range(k + 1)]
     addresses += [("double *", f"r{i}") for i in range(len(results))]
@@ -272,7 +286,8 @@ def source(function: ca.Function, *, guarded: bool = False) -> str:
             for i, size in enumerate(varying)
         ),
         "    }",
-        f"    four({', '.join(names)});",
+        f"    for (int i = 0; i < {times}; i++)",
+        f"      four({', '.join(places)});",
         f"    for (int64_t l = 0; l < {LANES} && j + l < n; l++) {{",
         *(
             f"      for (int a = 0; a < {size}; a++) r{i}[{size} * (j + l) + a] = R{i}[a][l];"

@@ -37,6 +37,22 @@ MIXED = -1
 
 
 @dataclass(frozen=True)
+class Alike:
+    """The rows of an item that are one function of the position and of numbers of their own each.
+
+    ``rows``: which they are. ``numbers``: where those of all are, one row's after the other's.
+    ``own``: symbols for those of one row, of which, and of the position, ``row`` and ``measure``
+    are the one function.
+    """
+
+    rows: range
+    numbers: slice
+    own: SX
+    row: SX
+    measure: SX
+
+
+@dataclass(frozen=True)
 class Constraints:
     """The limits of a scene without their numbers: each item's limit, and how many numbers it has.
 
@@ -293,6 +309,19 @@ class Constraints:
         motion.x = x
         parts = self._convex_items(numbers)
         return ca.vertcat(*(limit.measure(motion, own) for limit, own in parts))
+
+    def alike(self, x: SX, first: int = 0) -> Iterator[Alike]:
+        """The convex rows, item by item, as functions of the position x, 3, m; ``first``: where the
+        numbers of the limits begin among those that ``Alike.numbers`` is about."""
+        motion = AnyInstant(self.motors)
+        motion.x = x
+        for (limit, size), rows in zip(self.items, self.slices, strict=True):
+            if isinstance(limit, ConvexLimit):
+                which, numbers = range(rows.start, rows.stop), slice(first, first + size)
+                own = SX.sym("own", size // len(which))
+                row, measure = limit.rows(motion, own), limit.measure(motion, own)
+                yield Alike(which, numbers, own, row, measure)
+            first += size
 
     @cached_property
     def edge_radii(self) -> ca.Function:

@@ -249,7 +249,9 @@ class Limit:
 class ConvexLimit(Limit):
     """A limit whose measure is a convex function of the position alone, with lower bounds.
 
-    Tangent planes then bound it from below, so that it is known between samples.
+    Tangent planes then bound it from below, so that it is known between samples. All rows are one
+    function of the position and of numbers of their own, as many for each, one row's after the
+    other's: it is derived and compiled once for all of them.
     """
 
     def edge_radii(self, numbers: SX) -> SX:

@@ -94,25 +94,35 @@ class _Pieces:
 def signed_distances(problem: Problem, x: Array) -> tuple[Array, Array]:
     """Measures of the rows of ``Constraints.convex`` at places (N, 3), m, (N, rows), and their
     derivatives by the place, (N, rows, 3)."""
-    limits = problem.limits
-    measures, slopes = _tangents(limits.constraints)(x, parameters=limits.numbers)
-    return measures, slopes.reshape(len(x), -1, 3)
+    return _tangents(problem, x, problem.limits.numbers)
 
 
 def distances_from_faces(problem: Problem, x: Array, row: int) -> Array:
     """Distances of places (N, 3), m, from the faces of the body of one of the rows of
     ``Constraints.convex``, (N, faces), m."""
-    limits = problem.limits
-    measures = _tangents(limits.constraints)
-    each = [measures(x, parameters=numbers)[0][:, row] for numbers in limits.faces[row]]
+    each = [_tangents(problem, x, numbers)[0][:, row] for numbers in problem.limits.faces[row]]
     return np.stack(each, axis=1)
 
 
+def _tangents(problem: Problem, x: Array, numbers: Array) -> tuple[Array, Array]:
+    """``signed_distances`` with these numbers of the limits."""
+    found = [
+        function(x, parameters=numbers[own])
+        for own, function in _functions(problem.limits.constraints)
+    ]
+    none = (np.empty((len(x), 0)),) * 2
+    whole = found[0] if len(found) == 1 else map(np.hstack, zip(none, *found, strict=True))
+    measures, slopes = whole
+    return measures, slopes.reshape(len(x), -1, 3)
+
+
 @lru_cache(maxsize=32)
-def _tangents(constraints: Constraints) -> RowFunction:
-    """(x, numbers of the limits) -> measures of the convex rows and their derivatives by x."""
-    x, numbers = ca.SX.sym("x", 3), constraints.numbers()
-    measures = constraints.convex_measures(x, numbers)
-    slopes = [ca.densify(ca.gradient(each, x)) for each in ca.vertsplit(measures)]
-    outputs = [ca.densify(measures), ca.vertcat(*slopes)]
-    return RowFunction(ca.Function("tangents", [x, numbers], outputs, {"cse": True}))
+def _functions(constraints: Constraints) -> list[tuple[slice, RowFunction]]:
+    """For the convex rows of each item: where their numbers are, and (x, these numbers) -> their
+    measures and their derivatives by x."""
+    x, functions = ca.SX.sym("x", 3), list[tuple[slice, RowFunction]]()
+    for alike in constraints.alike(x):
+        outputs = [ca.densify(each) for each in (alike.measure, ca.gradient(alike.measure, x))]
+        function = ca.Function("tangents", [x, alike.own], outputs, {"cse": True})
+        functions.append((alike.numbers, RowFunction(function, times=len(alike.rows))))
+    return functions

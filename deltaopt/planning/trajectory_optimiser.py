@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import isinf
+from math import inf, isinf
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -131,8 +131,13 @@ class TrajectoryOptimiser:
         The motion of the chosen mesh is slowed until it keeps every limit at all instants, or
         solved again with tighter limits where it cannot be slowed.
         """
-        own = attempt.on_its_mesh
-        guess = Guess(attempt.motion, attempt.is_near, accuracy, on_its_mesh=own)
+        guess = Guess(
+            attempt.motion,
+            attempt.is_near,
+            accuracy,
+            on_its_mesh=attempt.on_its_mesh,
+            is_trial=attempt.most < inf,
+        )
         scaling = attempt.scaling(attempt.motion, attempt.motion.duration)
         return self._refined(attempt, guess, attempt.mesh, scaling, report)
 

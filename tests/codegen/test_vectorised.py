@@ -52,6 +52,24 @@ def test_numbers_of_points(rows, number):
     assert failed is None
 
 
+@pytest.mark.parametrize("compiler", ["compiled", "interpreted"])
+def test_several_times_at_every_point(compiler, monkeypatch):
+    """Each time with its part of the parameters, results of all times one after the other."""
+    if compiler == "interpreted":
+        monkeypatch.setattr(compiling, "compilers", list)
+    _, plain = functions()
+    function, parts = RowFunction(plain, times=3), np.random.default_rng(1).uniform(1, 2, (3, 2))
+    for number in (0, 1, 5, _FEW + 5):
+        x, v = arrays(number)
+        each = [evaluate_rows(plain, x, v, parameters=own) for own in parts]
+        expected = [np.hstack(results) for results in zip(*each, strict=True)]
+        agree(function(x, v, parameters=parts.ravel()), expected)
+    agree(
+        function(x[0], v[0], parameters=parts.ravel()),
+        [one[0] for one in function(x[:1], v[:1], parameters=parts.ravel())],
+    )
+
+
 def test_single_points_serve_all(rows):
     function, plain = rows
     for number in (1, 5, _FEW + 5):

@@ -114,23 +114,26 @@ class PointEquations:
         """These equations for the interior-point method, which eliminates the torques, and their
         rates; ``rate``: of the running cost, if there is one."""
         order, end = self.constraints.order, 3 * (self.constraints.order + 1)
+        p = self.parameters
+        x = p.origin + p.length * self.y[:3]
+        before = ca.vertcat(p.origin, p.length, p.time, p.torque, p.motors).numel()
         sides = [Sides((upper, lower)) for lower, upper in self.constraints.closed_sides.tolist()]
         return PointProblem(
             coordinates=3,
             derivatives=order,
             y=ca.vertcat(self.y[:end], self.y[-1]),
             tau=self.y[end:-1],
-            p=self.parameters.vector,
+            p=p.vector,
             force=self.force,
             rows=self.rows,
             sides=tuple(sides),
             straight=3 * self.constraints.has_torque_rates,
-            taut=tuple(np.flatnonzero(self.constraints.convex).tolist()),
             running=ca.SX(0, 1) if rate is None else self.rates[rate],
             saturating=self.saturating,
             strengths=self.strengths,
             covers=self.covers,
-            own=self.parameters.widths,
+            own=p.widths,
+            alike=tuple(self.constraints.alike(x, before)),
         )
 
 

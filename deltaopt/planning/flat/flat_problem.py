@@ -240,7 +240,9 @@ class FlatProblem:
         Each phase has a duration of its own; position and velocity are continuous between them.
         """
         motion, cost = guess.trajectory, self.equations.cost
-        mesh, shares, prices = self.mesh, scaling.shares(self.intervals), guess.multipliers
+        mesh, prices = self.mesh, guess.multipliers
+        unused = scaling.constraints.convex & np.isneginf(scaling.limits.bounds[0])
+        shares = np.where(unused, np.inf, scaling.shares(self.intervals))
         total = motion.duration / scaling.time
         if self.equations.together > 1:
             mesh = joined(mesh, self.equations.together)

@@ -7,10 +7,14 @@ makes more of one long sum than of CasADi's single operations.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
 from importlib.resources import files
 
+import casadi as ca
+
 from deltaopt.codegen.simd_c import LANES, VECTOR, c_function
-from deltaopt.planning.flat.point_problem import Entries, PointProblem
+from deltaopt.limits.constraints import Alike
+from deltaopt.planning.flat.point_problem import Entries, PointProblem, dense_function
 
 PARTS = ("problem", "knots_and_points", "rows", "kkt_system", "interior_point")
 """The files of the method's own text, in the order in which they are compiled."""
@@ -19,7 +23,8 @@ PARTS = ("problem", "knots_and_points", "rows", "kkt_system", "interior_point")
 def source(problem: PointProblem, points: int) -> str:
     """C text of the method for a problem with that many points in an interval."""
     functions = problem.functions
-    C, H, second = _with_torques_eliminated(problem)
+    loops = _loops(problem)
+    C, H, second = _with_torques_eliminated(problem, loops)
     sides = [side.value for side in problem.sides]
     sizes = {
         "NM": problem.coordinates,
@@ -32,30 +37,96 @@ def source(problem: PointProblem, points: int) -> str:
         "NP": problem.p.numel(),
         "NO": problem.own.numel(),
         "OWN": problem.place_of_own,
-        "NQ": functions.prepare.numel_out(0),
+        "NQ": loops[-1].end if loops else functions.prepare.numel_out(0),
         "NZ": len(C),
         "NH": len(H),
         "NE": functions.values.numel_out(2),
         "NG": points // LANES,
         "SIDES": sum(map(sum, sides)),
     }
+    prepare = (
+        loop.calls(0, f"p, p + {loop.alike.numbers.start} + {loop.alike.own.numel()} * k, OWN")
+        for loop in loops
+    )
+    values = (loop.calls(1, "y, OWN, c + r", "if (s[r])") for loop in loops)
     here = files("deltaopt.planning.flat")
     return "\n".join(
         [
+            "#include <string.h>",
             VECTOR,
             *(f"#define {name} {size}" for name, size in sizes.items()),
             _present("UPPER", [upper for upper, _ in sides]),
             _present("LOWER", [lower for _, lower in sides]),
             _components(C, len(sides), 2 * problem.coordinates),
             _present("STATE", _of_state(C, len(sides), _position_and_velocity(problem))),
-            c_function(functions.prepare, "prepare"),
-            c_function(functions.values, "values"),
+            c_function(functions.prepare, "prepare_others"),
+            c_function(functions.values, "values_of_others"),
             c_function(functions.second, "second_by_parts"),
+            *(
+                c_function(function, function.name(), shared_reciprocals=True)
+                for loop in loops
+                for function in loop.functions
+            ),
+            _text("prepare(const V *p, V *q)", ["prepare_others(p, q);", *prepare]),
+            _text(
+                "values(const V *y, const V *q, const double *s, V *c, V *g, V *e)",
+                ["values_of_others(y, q, c, g, e);", *values],
+            ),
             second,
             *_products_with_rows(C, H, problem.y.numel()),
             *(here.joinpath(f"{part}.c").read_text() for part in PARTS),
         ]
     )
+
+
+@dataclass(frozen=True)
+class _Loop:
+    """C text of a loop over rows that are alike.
+
+    ``functions``: (p, numbers of a row) -> q, what depends on these alone; (X, q) -> the row; (X,
+    q) -> its derivatives by X. ``at``: where in the method's q those of the rows begin.
+    """
+
+    alike: Alike
+    functions: tuple[ca.Function, ...]
+    at: int
+
+    @property
+    def end(self) -> int:
+        """Where in the method's q those of the rows end."""
+        return self.at + self.functions[0].numel_out(0) * len(self.alike.rows)
+
+    def calls(self, which: int, arguments: str, before: str = "") -> str:
+        """Calls of a function for each row r, the k-th of them, with its q in place of OWN."""
+        rows, own = self.alike.rows, f"q + {self.at} + {self.functions[0].numel_out(0)} * k"
+        call = f"{self.functions[which].name()}({arguments.replace('OWN', own)});"
+        begin = f"for (int k = 0, r = {rows.start}; k < {len(rows)}; k++, r++)"
+        return f"{begin} {{ {before} {call} }}"
+
+    def slopes(self, C: Entries, width: int) -> str:
+        """Its part of the derivatives ``C``; ``width``: of X."""
+        begin = f"V *slopes = &{C[self.alike.rows.start, 0]} + {width} * k;"
+        none = f"if (!s[r]) {{ memset(slopes, 0, {width} * sizeof(V)); continue; }}"
+        return self.calls(2, "y, OWN, slopes", f"{begin} {none}")
+
+
+def _loops(problem: PointProblem) -> list[_Loop]:
+    """Over the rows of each kind that are alike."""
+    X, loops = problem.y[: problem.coordinates], list[_Loop]()
+    at = problem.functions.prepare.numel_out(0)
+    for alike in problem.alike:
+        results, known = [alike.row, ca.gradient(alike.row, X)], [problem.p, alike.own]
+        reduced, symbols, parametric = ca.extract_parametric(results, ca.vertcat(*known))
+        needed = [s for s in ca.symvar(ca.vertcat(*reduced)) if not ca.depends_on(X, s)]
+        q = ca.vertcat(*needed)
+        functions = (
+            dense_function(f"prepare_{at}", known, ca.substitute([q], symbols, parametric)),
+            dense_function(f"value_{at}", [X, q], reduced[:1]),
+            dense_function(f"slope_{at}", [X, q], reduced[1:]),
+        )
+        loops.append(_Loop(alike, functions, at))
+        at = loops[-1].end
+    return loops
 
 
 def _of_state(C: Entries, rows: int, components: Collection[int]) -> list[bool]:
@@ -86,7 +157,9 @@ def _present(name: str, sides: Sequence[bool]) -> str:
     return f"static const char {name}_TABLE[] = {{{table}}};\n#define {name}(r) ({name}_TABLE[r])"
 
 
-def _with_torques_eliminated(problem: PointProblem) -> tuple[Entries, Entries, str]:
+def _with_torques_eliminated(
+    problem: PointProblem, loops: Sequence[_Loop]
+) -> tuple[Entries, Entries, str]:
     """Derivatives of the rows, C, and of the weighted sum, H, by y, tau being a function of y; and
     the C function ``second`` that finds them and the derivatives of all integrands.
 
@@ -107,8 +180,10 @@ def _with_torques_eliminated(problem: PointProblem) -> tuple[Entries, Entries, s
     bent = _add(partial.by_tau_and_y, _product(partial.twice_by_tau, slope))
     bent_entries = _assign("bent", bent, lines)
     rows = _add(partial.rows_by_y, _product(partial.rows_by_tau, slope))
+    X = range(problem.coordinates)
+    rows |= {(row, a): [] for loop in loops for row in loop.alike.rows for a in X}
     C = {place: f"C[{k}]" for k, place in enumerate(sorted(p for p in rows if p[0] < nc))}
-    lines += [f"{C[place]} = {_sum(rows[place])};" for place in C]
+    lines += [f"{C[place]} = {_sum(rows[place])};" for place in C if rows[place]]
     for k in range(problem.integrands.numel() + problem.running.numel()):
         for a in range(ny):
             terms = rows.get((nc + k, a), [])
@@ -121,7 +196,8 @@ def _with_torques_eliminated(problem: PointProblem) -> tuple[Entries, Entries, s
     upper = sorted(place for place in twice if place[0] <= place[1])
     H = {place: f"H[{k}]" for k, place in enumerate(upper)}
     lines += [f"{H[place]} = {_sum(twice[place])};" for place in H]
-    head = "second(const V *y, const V *e, const V *w, const V *q, V *C, V *H)"
+    lines += [loop.slopes(C, problem.coordinates) for loop in loops]
+    head = "second(const V *y, const V *e, const V *w, const V *q, const double *s, V *C, V *H)"
     return C, H, _text(head, lines)
 
 

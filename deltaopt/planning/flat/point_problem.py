@@ -9,6 +9,8 @@ from functools import cached_property
 
 import casadi as ca
 
+from deltaopt.limits.constraints import Alike
+
 
 class Sides(Enum):
     """Which limits a constraint row has: at +1 (upper), at -1 (lower), or at both."""
@@ -24,9 +26,11 @@ Entries = dict[tuple[int, int], str]
 
 @dataclass(frozen=True)
 class PointFunctions:
-    """``prepare``: p -> q, parameters and what depends on them alone, but for
-    those of each interval's own. ``values``: (y, q) -> rows,
-    T (integrands - 1) and T running, and e: tau and the inverse of -∂force/∂tau by columns.
+    """Of all rows but those that are alike, in place of which there are zeros.
+
+    ``prepare``: p -> q, parameters and what depends on them alone, but for those of each interval's
+    own. ``values``: (y, q) -> rows, T (integrands - 1) and T running, and e: tau and the inverse of
+    -∂force/∂tau by columns.
     ``second``: (y, e, w, q) -> the nonzeros of the matrices that follow, by columns; w: weights of
     rows and integrands.
 
@@ -70,9 +74,11 @@ class PointProblem:
     ``own``: those of the parameters that each interval has of its own, next to each other in p.
     ``straight``: of how many of the last equations the method takes no curvature, as of rates of
     torques: that would be three quarters of the program, and saves no iteration.
-    ``taut``: which rows the method takes no curvature of, as of distances from bodies, beside which
-    motions are drawn tight: it makes the Hessian indefinite, and shifts that mend that make steps
-    short. Without it a step keeps off a convex body's tangent plane, and so off the body.
+    ``alike``: which rows are one function of X each, whose numbers are so many of p: it is derived
+    and compiled once for all of them. The method takes no curvature of them: they are distances
+    from convex bodies, beside which motions are drawn tight, and their curvature makes the Hessian
+    indefinite; shifts that mend that make steps short. Without it a step keeps off a body's tangent
+    plane, and so off the body.
     """
 
     coordinates: int
@@ -90,7 +96,7 @@ class PointProblem:
     covers: ca.SX = field(default_factory=lambda: ca.SX(0, 0))
     own: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     straight: int = 0
-    taut: tuple[int, ...] = ()
+    alike: tuple[Alike, ...] = ()
 
     def __post_init__(self) -> None:
         """Raises ValueError where sizes do not agree or the equations are not affine in tau."""
@@ -126,7 +132,7 @@ class PointProblem:
         """
         inverse = _inverse(-ca.jacobian(self.force, self.tau))
         tau = inverse @ ca.substitute(self.force, self.tau, ca.SX.zeros(self.tau.numel()))
-        results = ca.substitute([self.rows, self._integrals], [self.tau], [tau])
+        results = ca.substitute([self._others, self._integrals], [self.tau], [tau])
         results.append(ca.vertcat(tau, ca.vec(inverse)))
         arguments, matrices = self._partial_derivatives()
         nonzeros = [ca.vec(matrix.nz[:]) for matrix in matrices]
@@ -135,9 +141,9 @@ class PointProblem:
         reduced, symbols, parametric = ca.extract_parametric([*results, *nonzeros], shared)
         q = ca.vertcat(self.p, *symbols)
         return PointFunctions(
-            _function("prepare", [self.p], [ca.vertcat(self.p, *parametric)]),
-            _function("values", [self.y, q], reduced[: len(results)]),
-            _function("second_by_parts", [*arguments, q], reduced[len(results) :]),
+            dense_function("prepare", [self.p], [ca.vertcat(self.p, *parametric)]),
+            dense_function("values", [self.y, q], reduced[: len(results)]),
+            dense_function("second_by_parts", [*arguments, q], reduced[len(results) :]),
             *(_entries(f"m{k}", matrix) for k, matrix in enumerate(matrices)),
         )
 
@@ -147,11 +153,10 @@ class PointProblem:
         inverse = ca.SX.sym("inverse", tau.numel(), tau.numel())
         nu = ca.SX.sym("nu", tau.numel())
         w = ca.SX.sym("w", self.rows.numel() + self._integrals.numel())
-        c = ca.vertcat(self.rows, self._integrals)
+        c = ca.vertcat(self._others, self._integrals)
         adjoint = inverse.T @ ca.gradient(ca.dot(w, c), tau)
-        curved, bent = tau.numel() - self.straight, ca.SX(w)
-        bent[list(self.taut)] = 0
-        lagrangian = ca.dot(ca.vertcat(nu[:curved], bent), ca.vertcat(self.force[:curved], c))
+        curved = tau.numel() - self.straight
+        lagrangian = ca.dot(ca.vertcat(nu[:curved], w), ca.vertcat(self.force[:curved], c))
         matrices = [
             ca.jacobian(self.force, y),
             ca.jacobian(c, y),
@@ -178,13 +183,22 @@ class PointProblem:
         return left_out
 
     @property
+    def _others(self) -> ca.SX:
+        """The rows, 0 in place of those that are alike."""
+        rows = ca.SX(self.rows)
+        for alike in self.alike:
+            rows[list(alike.rows)] = 0
+        return rows
+
+    @property
     def _integrals(self) -> ca.SX:
         """By the share of a phase's duration: nonpositive in sum where the mean of an integrand is
         at most 1; last the rate of the running cost, if there is one."""
         return self.y[-1] * ca.vertcat(self.integrands - 1, self.running)
 
 
-def _function(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> ca.Function:
+def dense_function(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> ca.Function:
+    """A function whose results have no structural zeros."""
     return ca.Function(name, arguments, [ca.densify(each) for each in results], {"cse": True})
 
 

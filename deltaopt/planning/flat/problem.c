@@ -53,8 +53,9 @@
      STATE(r)       whether row r depends on the position and velocity alone
 
      prepare(p, q)                        what depends on parameters alone
-     values(y, q, c, g, e)                rows, integrands T (g - 1) and T l, and e for second
-     second(y, e, weights of c and g, q, C, H)     derivatives; H of the weighted sum
+     values(y, q, s, c, g, e)             rows, integrands T (g - 1) and T l, and e for second; of rows
+                                          that are alike those alone whose s, as below, is not 0
+     second(y, e, weights of c and g, q, s, C, H)  derivatives; H of the weighted sum
      scale_rows(C, s)                     multiply each row of C
      along_rows(C, dy, dc)                dc += C dy
      across_rows(C, q, m)                 m = C^T q

@@ -35,7 +35,7 @@ static void rows(Problem *P, int64_t i, Group *G, const double *knots, double T,
   const Interval *I = P->interval + i;
   V y[NY], g[NA];
   at_points(G, knots, T, y);
-  values(y, parameters(P, I), c, g, G->e);
+  values(y, parameters(P, I), I->scale, c, g, G->e);
   scale(I, c);
   leave_out_given(P, I, G, c);
   for (int k = 0; k < NI; k++) P->single[k].next += sum(G->integral * g[k]);
@@ -56,7 +56,7 @@ static void differentiate(Problem *P, const Interval *I, Group *G, const double 
   memcpy(weight, G->y, sizeof G->y);
   scale(I, weight);
   for (int k = 0; k < NA; k++) weight[NC + k] = price(P, k) * G->integral;
-  second(y, G->e, weight, parameters(P, I), G->C, H);
+  second(y, G->e, weight, parameters(P, I), I->scale, G->C, H);
   scale_rows(G->C, I->scale);
   for (int r = 0; r < NC; r++)
     stiffness[r] = G->upper[r] * G->over[r] + G->lower[r] * G->under[r];

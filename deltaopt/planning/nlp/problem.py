@@ -66,8 +66,8 @@ class Guess:
     limits that were moved by a little; None on another mesh.
     ``on_its_mesh``: whether the motion's knots are those of this mesh; through a passage that is
     narrower than the spacing of knots elsewhere a solution must not go far from it.
-    ``is_trial``: whether others are tried beside it, so that what the solver does not find soon is
-    not worth the time of another solver.
+    ``is_trial``: whether others are tried beside it, or a plan is known, so that what the solver
+    does not find soon is not worth the time of another solver.
     """
 
     trajectory: Trajectory

@@ -18,6 +18,7 @@ import pytest
 
 from deltaopt.codegen.c_compiler import compiler
 from deltaopt.codegen.compile import library
+from deltaopt.limits.constraints import Alike
 from deltaopt.planning.flat import interior_point as module
 from deltaopt.planning.flat.interior_point import (
     Boundary,
@@ -526,17 +527,22 @@ def test_infinite_share_is_no_limit():
 # Derivatives
 
 PROBE = """
+#ifndef LEFT_OUT
+#define LEFT_OUT -1
+#endif
 void probe(const double *y, const double *p, const double *w, const double *s,
            double *c, double *C, double *m, double *S) {
   V Y[NY], P[NP], q[NQ], r[NC + NA + 1], e[NE], W[NC + NA], D[NZ + NA * NY], H[NH], K[NY][NY];
   V stiffness[NC], across[NY];
+  double scale[NC];
   for (int a = 0; a < NY; a++) Y[a] = ALL(y[a]);
   for (int k = 0; k < NP; k++) P[k] = ALL(p[k]);
   for (int k = 0; k < NC + NA; k++) W[k] = ALL(w[k]);
   for (int k = 0; k < NC; k++) stiffness[k] = ALL(s[k]);
+  for (int k = 0; k < NC; k++) scale[k] = LEFT_OUT != k;
   prepare(P, q);
-  values(Y, q, r, r + NC, e);
-  second(Y, e, W, q, D, H);
+  values(Y, q, scale, r, r + NC, e);
+  second(Y, e, W, q, scale, D, H);
   curvature_of_rows(D, H, stiffness, K);
   across_rows(D, W, across);
   for (int k = 0; k < NC + NA; k++) c[k] = r[k][0];
@@ -604,6 +610,54 @@ def test_derivatives_are_those_of_the_values(name):
     np.testing.assert_allclose(across, weights[:nc] @ C[:nc], rtol=1e-12, atol=1e-12)
     stiff = C[:nc].T @ (probe.stiffness[:, None] * C[:nc])
     np.testing.assert_allclose(S, H + stiff, rtol=1e-12, atol=1e-12 * abs(S).max())
+
+
+def test_rows_that_are_alike():
+    """Distances of a mass from three points, and its force, are what they are one by one, but for
+    the curvature of the distances, which is left out; one of them that has no limit, and its
+    derivatives, are 0."""
+    y, tau, p = ca.SX.sym("y", 7), ca.SX.sym("tau", 2), ca.SX.sym("p", 7)
+    own = ca.SX.sym("own", 2)
+
+    def distance(centre: ca.SX) -> ca.SX:
+        return ca.norm_2(y[:2] - p[0] * centre) - p[0] ** 2
+
+    problem = PointProblem(
+        coordinates=2,
+        derivatives=2,
+        y=y,
+        tau=tau,
+        p=p,
+        force=y[4:6] - y[6] ** 2 * tau,
+        rows=ca.vertcat(tau[0], *(distance(p[k : k + 2]) for k in (1, 3, 5)), tau[1]),
+        sides=(Sides.BOTH, *[Sides.LOWER] * 3, Sides.BOTH),
+    )
+    alike = replace(problem, alike=(Alike(range(1, 4), slice(1, 7), own, distance(own), own[0]),))
+    rng = np.random.default_rng(6)
+    numbers, w, s = rng.uniform(0.5, 1.5, 7), rng.normal(size=5), rng.uniform(1, 2, 5)
+    at = rng.uniform(2.0, 3.0, 7)
+
+    def probe(of: PointProblem, w: Array, before: str = "") -> tuple[Array, ...]:
+        built = library(before + source(of, 4) + PROBE)
+        return Probe(ctypes.CDLL(str(built)), numbers, w, s, 7)(at)
+
+    straight = w * [1, 0, 0, 0, 1]
+
+    def curvature(weights: Array) -> Array:
+        _, C, _, S = probe(problem, weights)
+        return S - C.T @ (s[:, None] * C)
+
+    c, C, across, _ = probe(problem, w)
+    stiff = C.T @ (s[:, None] * C)
+    expected = (c, C, across, curvature(straight) + stiff)
+    for one, other in zip(expected, probe(alike, w), strict=True):
+        np.testing.assert_allclose(other, one, rtol=1e-12, atol=1e-12)
+    c, C, across, _ = probe(problem, w * (np.arange(5) != 2))
+    c[2], C[2] = 0, 0
+    stiff = C.T @ (s[:, None] * C)
+    expected = (c, C, across, curvature(straight) + stiff)
+    for one, other in zip(expected, probe(alike, w, "#define LEFT_OUT 2\n"), strict=True):
+        np.testing.assert_allclose(other, one, rtol=1e-12, atol=1e-12)
 
 
 def test_of_the_curvature_of_friction_the_concave_part_is_left_out():
