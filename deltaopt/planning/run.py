@@ -367,13 +367,11 @@ class Run(Loop):
         bodies are passed closely does not lead through them."""
         for _ in range(_IMPROVED):
             better = self.made(on_its_mesh(scene, found.trajectory))
-            if not isinstance(better, Plan):
+            if not isinstance(better, Plan) or not is_clear(scene, better.trajectory):
                 break
             shorter = better.duration < (1 - _SHORTER) * found.duration
             longer = better.duration > (1 + _SHORTER) * found.duration
             if not shorter and (longer or better.gap >= found.gap):
-                break
-            if not is_clear(scene, better.trajectory):
                 break
             found = better
             if found.gap <= self.good_gap:

@@ -178,11 +178,12 @@ def test_outside_its_duration_a_motion_moves_on_as_its_ends_do():
 
 @pytest.mark.parametrize("before_end", [0.0, 1e-10, 1e-8])
 def test_nothing_to_plan_at_the_very_end_of_a_motion(across, before_end):
-    """Rounding leaves a speed there; what is left is said, and no motion of 1e-15 s is returned."""
+    """Rounding may leave a way or a speed there; what is left is said, and no motion of 1e-15 s is
+    returned."""
     now = across.trajectory(across.duration - before_end)
     with pytest.raises((SceneError, deltaopt.Infeasible, deltaopt.NotConverged)):
         PLANNER.stop(now)
-    with pytest.raises(deltaopt.Infeasible, match="resolve"):
+    with pytest.raises((SceneError, deltaopt.Infeasible), match="resolve|other than start"):
         PLANNER.plan(now, CROSS.goal)
 
 
