@@ -183,7 +183,7 @@ def test_nothing_to_plan_at_the_very_end_of_a_motion(across, before_end):
     now = across.trajectory(across.duration - before_end)
     with pytest.raises((SceneError, deltaopt.Infeasible, deltaopt.NotConverged)):
         PLANNER.stop(now)
-    with pytest.raises((SceneError, deltaopt.Infeasible), match="resolve|other than start"):
+    with pytest.raises((SceneError, deltaopt.Infeasible), match=r"resolve|other than start"):
         PLANNER.plan(now, CROSS.goal)
 
 
