@@ -34,9 +34,9 @@ _PEAKS = np.array([0.2, 0.35, 0.5, 0.65, 0.8])
 _PART = 0.6
 """Shares of the path that each of two shifts takes, from either end."""
 _PIECES, _INNER = 36, slice(1, -1)
-_LOOKED_AT = (slice(6, -1, 6), slice(3, -1, 3))
+_LOOKED_AT, _ROUGHLY = (slice(6, -1, 6), slice(3, -1, 3)), slice(None, None, 3)
 """Of a path, at whose ends bows are pushed; and where it is seen which of them to push, at few
-places first."""
+places first, and how long they take."""
 _MARGIN = 0.01
 """How far bows stay from bodies where there is room, as a share of the way from start to goal."""
 _DEEP, _DEARER, _PUSHED = 0.15, 3.0, 32
@@ -60,7 +60,7 @@ def bows(bodies: Bodies, base: Array) -> list[Array]:
         if not len(shifts):
             return []
     paths = path + shapes.T @ shifts
-    taking = durations(paths) * (1 + _DEARER * np.maximum(deep, 0.0))
+    taking = durations(paths[:, _ROUGHLY]) * (1 + _DEARER * np.maximum(deep, 0.0))
     begun = _fastest_of_each(passed, taking)[:_PUSHED]
     pushed, clear = near.drawn(paths[begun], _DRAWN, path), begun[deep[begun] <= 0]
     paths = np.concatenate([paths[clear], pushed])
