@@ -24,7 +24,7 @@ from deltaopt.scene.feasibility import room_at_rest
 Truths = NDArray[np.bool]
 
 _SIZES = np.array([0.05, 0.1, 0.16, 0.24, 0.34, 0.46, 0.6, 0.8, 1.0])
-_SIZES_OF_TWO = np.array([0.12, 0.25, 0.45, 0.8])
+_SIZES_OF_TWO = np.array([0.12, 0.3, 0.7])
 """Of the way from start to goal, how far a path is shifted where it is shifted most, to one side
 and to each of two."""
 _SIDES = 8
