@@ -1,6 +1,6 @@
 """Whether another way round would have been faster than the one that a plan takes.
 
-Random curves from start to goal, and the ways that bands from these are bent to, are all solved on
+Random curves from start to goal, and the ways that bows and bands of these lead to, are all solved on
 the first mesh: none is left out for being slow. What comes near the plan there is planned.
 """
 
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -85,7 +86,7 @@ def _starts(scene: deltaopt.Scene, curves: int, seed: int) -> list[tuple[Traject
     without = scene.model_copy(update={"keep_out": None, "clearance": None})
     found, paths = list[tuple[Trajectory, str]](), list[Array]()
     for curve in first_motions(without, curves, seed):
-        for way in ways_around(scene, curve):
+        for way in chain.from_iterable(ways_around(scene, curve)):
             path = _sampled(way.motion)
             if not _is_among(path, paths):
                 paths.append(path)
