@@ -1,7 +1,7 @@
 """Whether another way round would have been faster than the one that a plan takes.
 
-Random curves from start to goal, and the ways that bows and bands of these lead to, are all solved on
-the first mesh: none is left out for being slow. What comes near the plan there is planned.
+Random curves from start to goal, and the ways that bows and bands of these lead to, are all solved
+on the first mesh: none is left out for being slow. What comes near the plan there is planned.
 """
 
 from __future__ import annotations
