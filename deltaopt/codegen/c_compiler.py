@@ -27,14 +27,11 @@ FLAGS = (
     "-fno-math-errno",
     "-fno-trapping-math",
     "-ffp-contract=fast",
-    "-fno-inline-functions-called-once",
 )
 """Flags of the compiler for any processor. Vectors are written explicitly where they are faster
 (``simd_c``), so the compiler's own vectorisation of straight-line code, which was slower, is off.
-The next two change no result; they let square roots be inlined. The one after them rounds a product
-and a sum together where the processor can; it is GCC's default. With the last, which Clang does not
-know and leaves out, GCC takes two thirds of the time for the method past bodies, which is as
-fast."""
+The next two change no result; they let square roots be inlined. The last rounds a product and a sum
+together where the processor can; it is GCC's default."""
 
 
 @dataclass(frozen=True)

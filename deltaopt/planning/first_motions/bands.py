@@ -53,11 +53,14 @@ steps at once bring them back to it; and of the way, a difference by which its s
 
 
 _IN_WORDS = {
-    sign * axis: f"on the {'-+'[sign > 0]}{'xyz'[axis - 1]} side of"
-    for sign in (1, -1)
-    for axis in (2, 3)
+    -1: "above",
+    1: "below",
+    -2: "on the -y side of",
+    2: "on the +y side of",
+    -3: "on the -z side of",
+    3: "on the +z side of",
+    0: "beside",
 }
-_IN_WORDS |= {-1: "above", 1: "below"}
 """Sides of a body by the number of an axis, with its sign: x points down."""
 Hit = tuple[int, int, int]
 """The body that a band runs into, and the first and the last sample that are inside of it, or
@@ -253,33 +256,30 @@ class Bodies:
         return not (self.pierced(piece, distance) == body).any()
 
     def sides(self, band: Array) -> tuple[str, ...]:
-        """On which sides a band passes the bodies that it comes near, in order of time."""
+        """On which sides a band passes the bodies that it comes near, in order of time: those of
+        the middle of the places where it is near, as it is seen."""
         distance, slope = self.distances(band[1:-1])
-        passed, places = self.passed(distance, slope)
+        near = distance <= self.kept + _NEAR * self.way
         names = [f"{{}} keep_out[{index}]" for index, _ in self.scene.obstacles]
         for link, index, _ in self.scene.planned_links:
             names.append(f"{name_of(link)} clear of keep_out[{index}]")
-        found = [
-            (int(places[row]), name.format(_IN_WORDS[int(passed[row])]))
-            for row, name in zip(self._used, names, strict=True)
-            if passed[row]
-        ]
+        found = []
+        for row, name in zip(self._used, names, strict=True):
+            places = np.flatnonzero(near[:, row])
+            if len(places):
+                place = int(places[len(places) // 2])
+                found.append((place, name.format(_IN_WORDS[int(_side(slope[place, row]))])))
         return tuple(dict.fromkeys(name for _, name in sorted(found)))
 
-    def passed(self, distance: Array, slope: Array) -> tuple[Index, Index]:
-        """On which sides paths pass each body, (..., rows), and where they are nearest to it, by
-        the distances of their places and the derivatives, (..., n, rows) and (..., n, rows, 3): the
-        number of the axis along which they are pushed away most there, counted from 1 and with its
-        sign; 0 for bodies that they do not come near."""
+    def passed(self, distance: Array, slope: Array) -> Index:
+        """On which sides paths pass each body where they are nearest to it, (..., rows), as of
+        ``_side``, by the distances of their places and the derivatives, (..., n, rows) and
+        (..., n, rows, 3); 0 for bodies that they do not come near."""
         room = distance - self.kept
-        nearest = room.argmin(axis=-2)
-        push = np.take_along_axis(slope, nearest[..., None, :, None], axis=-3)[..., 0, :, :]
-        axis = np.abs(push).argmax(axis=-1)
-        along = np.take_along_axis(push, axis[..., None], axis=-1)[..., 0]
-        least = np.take_along_axis(room, nearest[..., None, :], axis=-2)[..., 0, :]
-        return np.where(least <= _NEAR * self.way, np.sign(along), 0.0).astype(int) * (
-            axis + 1
-        ), nearest
+        nearest = room.argmin(axis=-2)[..., None, :]
+        least = np.take_along_axis(room, nearest, axis=-2)[..., 0, :]
+        push = np.take_along_axis(slope, nearest[..., None], axis=-3)[..., 0, :, :]
+        return np.where(least <= _NEAR * self.way, _side(push), 0)
 
     def too_near(self, band: Array) -> str:
         """Where a band comes nearest to a body for what it is to keep, in words; empty if it is
@@ -347,6 +347,14 @@ def _smoothing(tension: float, n: int) -> Array:
         rows -= rows[:, k, None] * pivot
         rows[k] = pivot
     return np.asarray(rows[:, n:])
+
+
+def _side(push: Array) -> Index:
+    """The axis along which a body pushes away most, by its direction (..., 3): counted from 1, with
+    its sign, (...); 0 where that is not known."""
+    axis = np.abs(push).argmax(axis=-1)
+    along = np.take_along_axis(push, axis[..., None], axis=-1)[..., 0]
+    return np.asarray(np.sign(np.nan_to_num(along)).astype(int) * (axis + 1))
 
 
 def sides_of(along: Array) -> Array:

@@ -102,8 +102,9 @@ def _passed(bodies: Bodies, paths: Array) -> tuple[Index, Array]:
     is to be kept from it they are, a share of the way, (bows,)."""
     distance, slope = bodies.distances(paths.reshape(-1, 3))
     distance, slope = (x.reshape(*paths.shape[:2], *x.shape[1:]) for x in (distance, slope))
-    passed, _ = bodies.passed(distance, slope)
-    return passed, (bodies.margins(paths) - distance).max(axis=(1, 2)) / bodies.way
+    return bodies.passed(distance, slope), (bodies.margins(paths) - distance).max(
+        axis=(1, 2)
+    ) / bodies.way
 
 
 def _fastest_of_each(passed: Index, taking: Array) -> Index:

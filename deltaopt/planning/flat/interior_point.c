@@ -127,14 +127,14 @@ static double products(const Problem *P) { return 4.0 * NG * SIDES * P->n + P->s
 /* Mehrotra's choice: as far down as dz, Newton's step without barrier, would get, cubed; and
    his correction for what that step neglects, in so far as it can be taken. Where limits block dz
    at once, though it would gain many times what complementarity is left, the barrier has fallen
-   ahead of the motion, which creeps along its limits from then on: the barrier rises again. */
+   ahead of the motion, which creeps along bodies from then on: the barrier rises again. */
 static void choose_barrier(Problem *P, double tolerance) {
   double primal, dual;
   longest_steps(P, 1.0, &primal, &dual);
   const double share = complementarity(P, primal, dual) / P->left;
   const double centring = lesser(greater(share * share * share, 1e-3), 1.0);
   const double now = cost(P, P->z, P->run), gain = AHEAD * fabs(cost_along(P, P->dz));
-  const double again = primal < BLOCKED ? lesser(gain, MOST_LEFT * now) : 0.0;
+  const double again = ALIKE && primal < BLOCKED ? lesser(gain, MOST_LEFT * now) : 0.0;
   const double aimed = greater(centring * P->left, again);
   P->mu = greater(aimed, 0.05 * tolerance * now) / products(P);
   bend(P, primal*dual);
