@@ -303,6 +303,7 @@ class Run(Loop):
             first = first_motion(at_rest(scene, ends))
             way = Attempt(scene, first, self.optimiser.intervals)
             plan, ways = fastest_way(way, motion, self.only_from, self.on_first_mesh, self.good_gap)
+            plan = plan if plan.gap <= self.good_gap else self._improved(scene, plan)
             found.append(replace(plan, scene=scene, ways=ways))
         except ENDS_AN_ATTEMPT as error:
             failure = error

@@ -50,7 +50,7 @@ _FROM_FACES = 1e-9
 _SHARE_OF_ROOM, _LOOKED_AT = 0.9, 4
 """Of the distance from a body that the motion before had in an interval, what it is to have at
 most, and places that are looked at there: a motion may have to begin beside a body."""
-_ROUNDING_OF_CORNERS, _POINTS_OF_INTERVAL = 0.8, 3
+_ROUNDING_OF_CORNERS, _POINTS_OF_INTERVAL = 1.2, 3
 """Radius of an edge as a share of the distance between points, of which an interval, or its thirds
 together, has so many beside those of the next. A larger one keeps coarse meshes farther from
 bodies, which more meshes must make up for; with a smaller one solutions depend on where the points

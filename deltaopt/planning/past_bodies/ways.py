@@ -217,11 +217,12 @@ class _Search:
         plans, durations = self.plans, dict(self.durations)
         chosen = min(plans, key=lambda which: plans[which].cost)
         durations |= {i: plan.duration for i, plan in plans.items()}
-        taken = dict[str, TakenWay]()
+        taken = dict[frozenset[str], TakenWay]()  # both sides of a passage come in either order
         for i in sorted(durations, key=lambda i: (i != chosen, durations[i])):
             motion = plans[i].trajectory if i in plans else self.trials[i].motion
             name = name_of_way(self.attempt.scene, motion)
-            taken.setdefault(name, TakenWay(name, durations[i], is_planned=i in plans))
+            way = TakenWay(name, durations[i], is_planned=i in plans)
+            taken.setdefault(frozenset(name.split(", ")), way)
         return plans[chosen], tuple(taken.values())
 
 
