@@ -2,9 +2,10 @@
 
 Outside bounded convex bodies every path can be deformed into every other, so that ways are no
 classes of homotopy: a way is which side of which body the motion passes, in order of time. A local
-optimiser does not move a motion from one side of a body to another. So it begins with bands, which
-pass one body after the other and are drawn tight (``bands``), or, where there are none, with a path
-of straight lines (``passages``), and with bows, which are bent as a whole (``bows``).
+optimiser does not move a motion from one side of a body to another. So it begins with bows, which
+are bent as a whole (``bows``), and, where these do not lead to a fast plan, with bands, which pass
+one body after the other and are drawn tight (``bands``), or, where there are none, with a path of
+straight lines (``passages``).
 """
 
 from __future__ import annotations

@@ -50,8 +50,6 @@ _NEAR = 0.1
 _ALIGNED, _BACK, _SMALL = 0.03, 3, 1e-6
 """Squared sine of the angle between arm and bars that bands keep, if start and goal do; how many
 steps at once bring them back to it; and of the way, a difference by which its slope is found."""
-
-
 _IN_WORDS = {
     -1: "above",
     1: "below",
@@ -256,8 +254,8 @@ class Bodies:
         return not (self.pierced(piece, distance) == body).any()
 
     def sides(self, band: Array) -> tuple[str, ...]:
-        """On which sides a band passes the bodies that it comes near, in order of time: those of
-        the middle of the places where it is near, as it is seen."""
+        """On which sides a band passes the bodies that it comes near, in order of time:
+        for each body the side at the middle of the places where the band is near it."""
         distance, slope = self.distances(band[1:-1])
         near = distance <= self.kept + _NEAR * self.way
         names = [f"{{}} keep_out[{index}]" for index, _ in self.scene.obstacles]

@@ -52,14 +52,14 @@ def bows(bodies: Bodies, base: Array) -> list[Array]:
     """Bows of a path (N, 3), m, at equal shares of it (n, 3), each past bodies on other sides than
     all others, the one that is driven fastest first."""
     near, path = replace(bodies, margin=_MARGIN), resampled(base, _PIECES)
-    shapes, shifts = _SHAPES, bodies.way * _shifts(path)
+    shifts = bodies.way * _shifts(path)
     for places in _LOOKED_AT:
-        passed, deep = _passed(near, path[places] + shapes[:, places].T @ shifts)
+        passed, deep = _passed(near, path[places] + _SHAPES[:, places].T @ shifts)
         chosen = deep < _DEEP
         shifts, passed, deep = shifts[chosen], passed[chosen], deep[chosen]
         if not len(shifts):
             return []
-    paths = path + shapes.T @ shifts
+    paths = path + _SHAPES.T @ shifts
     taking = durations(paths[:, _ROUGHLY]) * (1 + _DEARER * np.maximum(deep, 0.0))
     begun = _fastest_of_each(passed, taking)[:_PUSHED]
     pushed, clear = near.drawn(paths[begun], _DRAWN, path), begun[deep[begun] <= 0]
@@ -102,9 +102,8 @@ def _passed(bodies: Bodies, paths: Array) -> tuple[Index, Array]:
     is to be kept from it they are, a share of the way, (bows,)."""
     distance, slope = bodies.distances(paths.reshape(-1, 3))
     distance, slope = (x.reshape(*paths.shape[:2], *x.shape[1:]) for x in (distance, slope))
-    return bodies.passed(distance, slope), (bodies.margins(paths) - distance).max(
-        axis=(1, 2)
-    ) / bodies.way
+    deep = (bodies.margins(paths) - distance).max(axis=(1, 2)) / bodies.way
+    return bodies.passed(distance, slope), deep
 
 
 def _fastest_of_each(passed: Index, taking: Array) -> Index:

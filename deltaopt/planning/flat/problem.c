@@ -48,6 +48,7 @@
      NE             numbers that values keeps for second, the torques among them
      NZ, NH         nonzeros of C's constraint rows and of H's upper triangle
      NG             groups of four points in an interval
+     ALIKE          rows that are alike, distances from bodies
      SIDES          limits of all rows together; UPPER(r), LOWER(r): whether row r has that one
      DEPENDS(r, a)  whether row r depends on component a of position and velocity
      STATE(r)       whether row r depends on the position and velocity alone

@@ -270,7 +270,7 @@ class MeshSolution:
 
     def presses_beside_bodies(self, tolerance: float) -> bool:
         """Whether faces that stand for bodies hold the motion where these are not, so that more
-        than a share of the ``tolerance`` of the gap is lost."""
+        than a share of the gap, or of its ``tolerance`` if that is larger, is lost."""
         if self.beside is None or self.faces is None:
             return False
         most = _BESIDE_BODIES * max(tolerance, self.own_gap)

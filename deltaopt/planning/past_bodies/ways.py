@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import dist, inf
 
 import numpy as np
@@ -93,20 +94,17 @@ def fastest_way(
         search.look_at(ways)
     if not ways:
         raise Infeasible(no_way(resting))
-    searches = [search]
+    led = [search] if search.plans else []
     for factor in _FINER[1:]:
-        if (
-            any(each.is_good for each in searches)
-            or sum(map(bool, (s.plans for s in searches))) > 1
-        ):
+        if len(led) > 1 or any(each.is_good for each in led):
             break
-        finer = replace(attempt, intervals=factor * attempt.intervals)
-        searches.append(_Search(finer, free, planned, on_first_mesh, enough))
-        searches[-1].look_at(ways)
-    found = [each.best for each in searches if each.plans]
-    if not found:
+        on_finer = replace(attempt, intervals=factor * attempt.intervals)
+        finer = _Search(on_finer, free, planned, on_first_mesh, enough)
+        finer.look_at(ways)
+        led += [finer] if finer.plans else []
+    if not led:
         raise search.failures[0]
-    return min(found, key=lambda one: one[0].cost)
+    return min((each.best for each in led), key=lambda one: one[0].cost)
 
 
 def at_rest(scene: Scene, motion: Trajectory | None) -> Scene:
@@ -144,13 +142,11 @@ class _Search:
 
     def look_at(self, ways: list[Way]) -> None:
         """Plan those of some more ways that promise to be faster than all before."""
-        scene, hit = self.attempt.scene, frozenset[int]()
-        if self.free is not None:
-            hit = those_hit(scene, self.free.position)
+        first = len(self.trials)
         for way in ways:
-            trial = _Trial.along(way, self.attempt, hit)
+            trial = _Trial.along(way, self.attempt, self._hit)
             if len(ways) > 1 or self.trials:
-                trial = trial.solved(scene, self.on_first_mesh)
+                trial = trial.solved(self.attempt.scene, self.on_first_mesh)
             self.trials.append(trial)
             if trial.is_solved:
                 self.durations[len(self.trials) - 1] = trial.motion.duration
@@ -158,7 +154,7 @@ class _Search:
                     break
         order = _distinct(self.trials)
         for which in order:
-            if which >= len(self.trials) - len(ways):
+            if which >= first:
                 self._plan(which, self.trials[order[0]].motion.duration)
 
     def _plan(self, which: int, fastest: float) -> None:
@@ -190,10 +186,15 @@ class _Search:
             except ENDS_AN_ATTEMPT as error:
                 self.failures.append(error)
 
+    @cached_property
+    def _hit(self) -> frozenset[int]:
+        """The bodies that the fastest motion without bodies runs into."""
+        return those_hit(self.attempt.scene, self.free.position) if self.free else frozenset()
+
     @property
     def _least(self) -> float:
         """The duration of the fastest motion without bodies, s; 0 where that is not known."""
-        return self.free.duration if self.free is not None else 0.0
+        return self.free.duration if self.free else 0.0
 
     @property
     def shortest(self) -> float:
