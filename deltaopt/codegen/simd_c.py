@@ -1,8 +1,7 @@
-"""SIMD C: CasADi's scalar functions as C source, for one point or for four points at once.
+"""SIMD C: CasADi's scalar functions as C source, for four points at once.
 
-The C type ``V`` of the source is a double, or a vector of four doubles (a vector extension of GCC
-and Clang) whose lanes are four points: a processor with AVX evaluates four points in the time of
-one.
+The C type ``V`` of the source is a vector of four doubles (a vector extension of GCC and Clang)
+whose lanes are four points: a processor with AVX evaluates four points in the time of one.
 """
 
 from __future__ import annotations
@@ -13,25 +12,6 @@ from deltaopt.codegen.vector_math import VECTOR_MATH
 from deltaopt.errors import DeltaOptError
 
 LANES = 4
-
-SCALAR = """\
-#include <math.h>
-typedef double V;
-#define FMAX fmax
-#define FMIN fmin
-#define EACH(f, a) f(a)
-#define EACH2(f, a, b) f(a, b)
-#define ALL(a) (a)
-#define SIN sin
-#define COS cos
-#define ASIN asin
-#define ATAN2 atan2
-#define TANH tanh
-#define LESS(a, b) ((double)((a) < (b)))
-#define NOT(a) ((double)((a) == 0))
-#define WHERE(a, b) ((a) != 0 ? (b) : 0.0)
-"""
-"""C definitions with which the type V is one point."""
 
 VECTOR = (
     """\
