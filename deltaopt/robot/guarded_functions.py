@@ -21,6 +21,7 @@ from deltaopt.dynamics.mechanism import SX
 from deltaopt.dynamics.virtual_work import VirtualWork
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.mechanisms.delta.mechanism import MOTOR_ANGLES
+from deltaopt.mechanisms.delta.singularities import margins, parallel_margin
 from deltaopt.robot.singular_points import NEAR
 
 _CAREFUL = 2 * NEAR
@@ -92,14 +93,14 @@ class GuardedFunctions:
         _, q, dq, ddq, p = inverse.mx_in()
         tau, _ = inverse(0, q, dq, ddq, p)
         function = ca.Function("joint_torques", [q, dq, ddq, p], [tau])
-        return _guarded(function, lambda q, *_: self.functions.margins(q)[6] ** 2 - _CAREFUL**2)
+        return _guarded(function, lambda q, *_: parallel_margin(q) ** 2 - _CAREFUL**2)
 
     @cached_property
     def _squares(self) -> ca.Function:
-        """(x, p) -> squared margins of ``DeltaFunctions.margins``, 7; NaN out of reach."""
+        """(x, p) -> squares of the seven ``margins``; NaN out of reach."""
         x, p = self.functions.inverse_kinematics.sx_in()
-        margins = self.functions.margins(self.functions.inverse_kinematics(x, p))
-        return ca.Function("squares", [x, p], [margins**2])
+        distances = margins(self.functions.inverse_kinematics(x, p))
+        return ca.Function("squares", [x, p], [distances**2])
 
     def _explicit(self, x: SX, v: SX, a: SX, p: SX) -> SX:
         """Guards, 7, of what eq. (39) needs anyway: ∂θ̇/∂v is the bar's direction divided by

@@ -12,11 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import Singular, Singularity
-from deltaopt.mechanisms.delta.singularities import (
-    alignment_margins,
-    parallel_margin,
-    sideways_margins,
-)
+from deltaopt.mechanisms.delta.singularities import margins
 
 NEAR = 1e-2
 """Distance ε from a serial singularity, cos q_{k,3} or sin (q_{k,1} - q_{k,2}), below which other
@@ -49,10 +45,9 @@ class DoubtfulPoints:
 
     @cached_property
     def margins(self) -> Array:
-        """Signed distances from singularities, (n, 7): cos q_{k,3} and sin (q_{k,1} - q_{k,2}) of
-        the three chains, then the volume spanned by the bars' directions."""
-        (margins,) = _margins()(self.q, parameters=_NONE)
-        return margins
+        """Signed distances from singularities, (n, 7): ``singularities.margins``."""
+        (found,) = _margins()(self.q, parameters=_NONE)
+        return found
 
     @property
     def near(self) -> NDArray[np.bool]:
@@ -101,7 +96,6 @@ def still(rate: Array) -> NDArray[np.bool]:
 
 @cache
 def _margins() -> RowFunction:
-    """(q, no parameters) -> the seven margins of ``DoubtfulPoints``."""
+    """(q, no parameters) -> the seven margins."""
     q = ca.SX.sym("q", 12)
-    margins = ca.vertcat(sideways_margins(q), alignment_margins(q), parallel_margin(q))
-    return RowFunction(ca.Function("margins", [q, ca.SX(0, 1)], [margins]))
+    return RowFunction(ca.Function("margins", [q, ca.SX(0, 1)], [margins(q)]))

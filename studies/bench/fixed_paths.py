@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction
@@ -171,7 +172,11 @@ def _limits(toppra: Any, scene: Scene) -> Any:
 def _loads(functions: DeltaFunctions) -> RowFunction:
     """Return the function (x, v, a, p) -> τ, θ̇, in machine code where there is a compiler, as our
     planner's are."""
-    return RowFunction(functions.explicit_loads)
+    x, v, a = (ca.SX.sym(name, 3) for name in ("x", "v", "a"))
+    p = functions.symbols()
+    rates = functions.explicit_equations(x, v, a, ca.SX.zeros(3), p)[2]
+    loads = [functions.explicit_torques(x, v, a, p), rates]
+    return RowFunction(ca.Function("loads", [x, v, a, p], loads, {"cse": True}))
 
 
 # Ruckig

@@ -21,9 +21,7 @@ from deltaopt.mechanisms.delta.kinematics import (
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms, delta
 from deltaopt.mechanisms.delta.singularities import (
     DISTANCES,
-    alignment_margins,
     parallel_margin,
-    sideways_margins,
     tilt_margin,
 )
 from deltaopt.mechanisms.delta.slender_bars import angle_free_equations, chain_forces
@@ -116,14 +114,6 @@ class DeltaFunctions(Functions):
         return ca.Function("tilt", [x, p.vector()], [tilts(p, x)])
 
     @cached_property
-    def margins(self) -> ca.Function:
-        """q -> signed distances from singularities, 7: cos q_{k,3} and sin (q_{k,1} - q_{k,2}) of
-        the three chains, then the volume spanned by the bars' directions."""
-        q = SX.sym("q", 12)
-        margins = ca.vertcat(sideways_margins(q), alignment_margins(q), parallel_margin(q))
-        return ca.Function("margins", [q], [margins])
-
-    @cached_property
     def explicit_equations(self) -> ca.Function:
         """(x, v, a, tau, p) -> Cᵀ (Q* + Q), alignment, θ̇, θ̈, 3 each.
 
@@ -152,15 +142,6 @@ class DeltaFunctions(Functions):
             inverse = Explicit().inverse_dynamics(self.mechanism).expand()
             _, forces = inverse(0, *self.motion(x, v, a, p), p)
         return ca.Function("explicit_multipliers", [x, v, a, p], [forces])
-
-    @cached_property
-    def explicit_loads(self) -> ca.Function:
-        """(x, v, a, p) -> τ, θ̇, 3 each, by ``explicit_equations``."""
-        x, v, a = (SX.sym(name, 3) for name in ("x", "v", "a"))
-        p = self.terms.symbols().vector()
-        rates = self.explicit_equations(x, v, a, SX.zeros(3), p)[2]
-        loads = [self.explicit_torques(x, v, a, p), rates]
-        return ca.Function("explicit_loads", [x, v, a, p], loads, {"cse": True})
 
 
 @lru_cache(maxsize=64)

@@ -31,6 +31,12 @@ def parallel_margin(q: SX) -> SX:
     return ca.det(ca.horzcat(*(_bar(azimuth, q[i : i + 2]) for azimuth, i in _BARS)))
 
 
+def margins(q: SX) -> SX:
+    """Signed distances from singularities, 7: cos q_{k,3} and sin (q_{k,1} - q_{k,2}) of the three
+    chains, then the volume spanned by the bars' directions."""
+    return ca.vertcat(sideways_margins(q), alignment_margins(q), parallel_margin(q))
+
+
 def tilt_margin(q: SX) -> SX:
     """Volume of the parallelepiped that the unit normals of the three parallelograms span.
 
