@@ -5,7 +5,7 @@ What follows by differentiation (the paper's letters):
 
     T, V          kinetic and potential energy                       eq. (62)-(64), (77)-(79)
     M, Q_gyr      Q* = -M q̈ + Q_gyr, inertia matrix and gyroscopic   eq. (33), (65)
-    Q, B          active generalized force, and its torque matrix    eq. (31)
+    Q             active generalized force                           eq. (31)
     J, mu         J q̇ + μ = 0, all constraints at velocity level     eq. (1)-(4)
     J_bias        J q̈ + J_bias = 0, the same at acceleration level
 """
@@ -159,11 +159,6 @@ class Mechanism:
         for effort in self.efforts:
             force += effort.value * ca.gradient(effort.rate, self.dq)
         return force
-
-    @cached_property
-    def B(self) -> SX:
-        """∂Q/∂τ, n × m."""
-        return ca.jacobian(self.Q, self.controls)
 
     @cached_property
     def constraint_rate(self) -> SX:

@@ -81,13 +81,6 @@ class Layout:
     weights: Array
     names: tuple[str, ...] = ()
 
-    def joined(self, more: Layout) -> Layout:
-        """These rows, then others of as many or fewer weights."""
-        missing = self.columns.shape[1] - more.columns.shape[1]
-        columns = np.pad(more.columns, ((0, 0), (0, missing)))
-        weights = np.pad(more.weights, ((0, 0), (0, missing)))
-        return Layout(np.vstack([self.columns, columns]), np.vstack([self.weights, weights]))
-
     def matrix(self, n_variables: int) -> ca.DM:
         """The matrix L, (rows, n_variables)."""
         rows = np.repeat(np.arange(len(self.columns)), self.columns.shape[1])
