@@ -160,20 +160,6 @@ class Reduction:
         return ordered[-1] if self.total else ordered[0]
 
 
-@dataclass(frozen=True)
-class AtTheArm:
-    """What motor, brake and gear are at the arm: torques in N·m, speed in rad/s, inertia in kg·m².
-
-    What is None is not limited, or not modelled.
-    """
-
-    torque: float
-    speed: float | None
-    inertia: float | None
-    torque_curve: Curve | None
-    rms_torque: float | None
-
-
 def gain(gear: Gear | None) -> float:
     """Torque at the arm by torque of the motor that drives it, i η; 1 without a gear."""
     return gear.ratio * gear.efficiency if gear else 1.0
@@ -219,21 +205,27 @@ def reductions(motor: Motor, brake: Brake | None, gear: Gear | None) -> dict[str
     return {each.name: each for each in found if each.parts}
 
 
-def at_the_arm(motor: Motor, brake: Brake | None, gear: Gear | None) -> AtTheArm:
-    """Reduce a motor, a brake and a gear to the arm; without a gear the motor turns the arm."""
+def at_the_arm(
+    motor: Motor, brake: Brake | None, gear: Gear | None
+) -> dict[str, float | Curve | None]:
+    """The keys of a drive that a motor, a brake and a gear give at the arm: torques in N·m, speed
+    in rad/s, inertia in kg·m²; None for what is not limited, or not modelled.
+
+    Without a gear the motor turns the arm.
+    """
     values = {name: each.value for name, each in reductions(motor, brake, gear).items()}
     ratio = gear.ratio if gear else 1.0
     curve: Curve | None = None
     if motor.curve is not None:
         geared = [(w / ratio, torque * gain(gear)) for w, torque in motor.curve]
         curve = _cut(geared, values["speed"], values["torque"])
-    return AtTheArm(
-        torque=values["torque"],
-        speed=values.get("speed"),
-        inertia=values.get("inertia"),
-        torque_curve=curve,
-        rms_torque=values.get("RMS torque"),
-    )
+    return {
+        "torque": values["torque"],
+        "speed": values.get("speed"),
+        "inertia": values.get("inertia"),
+        "torque_curve": curve,
+        "rms_torque": values.get("RMS torque"),
+    }
 
 
 def _cut(curve: list[tuple[float, float]], last: float, most: float) -> Curve:

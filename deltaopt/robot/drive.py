@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Annotated, Any, Self
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
@@ -125,7 +124,7 @@ class Drive(Record):
                 expected = f"either {key} or motor, since it follows from motor, brake and gear"
                 raise SceneError(None, key, content[key], expected, "is given beside motor")
         parts = {key: cls._valid(key, content.get(key)) for key in ("motor", "brake", "gear")}
-        reduced = asdict(at_the_arm(**parts))
+        reduced = at_the_arm(**parts)
         for key, value in reduced.items():
             try:
                 cls._valid(key, value)
