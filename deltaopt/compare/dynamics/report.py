@@ -18,49 +18,42 @@ ORIGINS = {"": "as derived", ", printed": "as printed in eq. (66) to (83)"}
 
 WORDS = 4
 """Columns of the table that are words, and aligned to the left."""
-TABLE: tuple[tuple[str, Callable[[Row], str]], ...] = (
-    ("task", lambda row: row.task),
-    ("model", lambda row: row.model),
-    ("C or solver", lambda row: row.variant),
-    ("linear systems", lambda row: row.systems),
-    ("operations", lambda row: str(row.operations)),
-    ("interp. µs", lambda row: f"{row.interpreted.microseconds:.2f}"),
-    ("ratio", lambda row: f"{row.interpreted.ratio:.2f}"),
-    ("compiled µs", lambda row: f"{row.compiled.microseconds:.2f}" if row.compiled else "-"),
-    ("ratio", lambda row: f"{row.compiled.ratio:.2f}" if row.compiled else "-"),
-    ("median error", lambda row: f"{row.median_error:.1e}"),
-    ("largest", lambda row: f"{row.largest_error:.1e}"),
+TABLE: tuple[tuple[str, str, str, Callable[[Row], object]], ...] = (
+    ("task", "", "task", lambda row: row.task),
+    ("model", "", "model", lambda row: row.model),
+    ("C or solver", "", "variant", lambda row: row.variant),
+    ("linear systems", "", "systems", lambda row: row.systems),
+    ("operations", "", "operations", lambda row: row.operations),
+    ("interp. µs", ".2f", "interpreted_us", lambda row: row.interpreted.microseconds),
+    ("ratio", ".2f", "interpreted_ratio", lambda row: row.interpreted.ratio),
+    ("compiled µs", ".2f", "compiled_us", lambda row: row.compiled and row.compiled.microseconds),
+    ("ratio", ".2f", "compiled_ratio", lambda row: row.compiled and row.compiled.ratio),
+    ("median error", ".1e", "median_error", lambda row: row.median_error),
+    ("largest", ".1e", "largest_error", lambda row: row.largest_error),
 )
-"""Of the table: title, and the cell of a row."""
-COLUMNS: dict[str, Callable[[Row], object]] = {
-    "task": lambda row: row.task,
-    "model": lambda row: row.model,
-    "variant": lambda row: row.variant,
-    "systems": lambda row: row.systems,
-    "operations": lambda row: row.operations,
-    "interpreted_us": lambda row: row.interpreted.microseconds,
-    "interpreted_ratio": lambda row: row.interpreted.ratio,
-    "compiled_us": lambda row: row.compiled and row.compiled.microseconds,
-    "compiled_ratio": lambda row: row.compiled and row.compiled.ratio,
-    "median_error": lambda row: row.median_error,
-    "largest_error": lambda row: row.largest_error,
-}
-"""Of the CSV file: title, and the value of a row."""
+"""Of each column: title and format in the table, title in the CSV file, and the value of a row;
+None where nothing was measured."""
 
 
 def table(study: Study) -> str:
     """Return the table in aligned columns, a blank line between tasks."""
-    titles, cells = zip(*TABLE, strict=True)
-    lines = text_table([titles, *([cell(row) for cell in cells] for row in study.rows)], WORDS)
+    titles, formats, _, values = zip(*TABLE, strict=True)
+    cells = [
+        [_cell(of(row), by) for of, by in zip(values, formats, strict=True)] for row in study.rows
+    ]
+    lines = text_table([titles, *cells], WORDS)
     first = sum(row.task == study.rows[0].task for row in study.rows)
     return "\n".join([lines[0], "", *lines[1 : first + 1], "", *lines[first + 1 :]])
 
 
 def csv(study: Study) -> str:
     """Return one line per row of the table, in full precision, empty where nothing was measured."""
-    return csv_text(
-        list(COLUMNS), ([value(row) for value in COLUMNS.values()] for row in study.rows)
-    )
+    _, _, titles, values = zip(*TABLE, strict=True)
+    return csv_text(list(titles), ([of(row) for of in values] for row in study.rows))
+
+
+def _cell(value: object, by: str) -> str:
+    return "-" if value is None else format(value, by)
 
 
 def notes(study: Study) -> str:
