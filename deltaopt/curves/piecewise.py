@@ -184,6 +184,31 @@ def quintic_rest(
     )
 
 
+def spline_rates(
+    lengths: Array, x: Array, first: Array | float = 0.0, last: Array | float = 0.0
+) -> Array:
+    """Derivatives at the knots, (K + 1, m), of the cubic spline through values x there, whose
+    pieces have these ``lengths``, (K,), and whose derivatives at its ends are given.
+
+    Its second derivative is continuous: v_{i-1}/h_{i-1} + 2 (1/h_{i-1} + 1/h_i) v_i + v_{i+1}/h_i =
+    3 ((x_i - x_{i-1})/h_{i-1}² + (x_{i+1} - x_i)/h_i²), solved by Thomas's elimination.
+    """
+    secant = np.diff(x, axis=0) / lengths[:, None]
+    v = np.zeros_like(x)
+    v[0], v[-1] = first, last
+    before, after = 1 / lengths[:-1], 1 / lengths[1:]
+    diagonal = 2 * (before + after)
+    b = 3 * (before[:, None] * secant[:-1] + after[:, None] * secant[1:])
+    b[0] -= before[0] * v[0]
+    for i in range(1, len(b)):
+        share = before[i] / diagonal[i - 1]
+        diagonal[i] -= share * after[i - 1]
+        b[i] -= share * b[i - 1]
+    for i in reversed(range(len(b))):
+        v[i + 1] = (b[i] - after[i] * v[i + 2]) / diagonal[i]
+    return v
+
+
 def shifted(coefficients: Array, by: Array | float) -> Array:
     """Coefficients of p(u + by) from those of p(u), by Horner's scheme again and again.
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from deltaopt.curves.piecewise import Array, PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial, spline_rates
 from deltaopt.errors import Unusable
 from deltaopt.files.csv_table import CsvTable, WrongCsv, read_csv
 from deltaopt.motion.trajectory import Trajectory
@@ -91,7 +91,9 @@ class ForeignTable:
 
     def _pieces(self) -> PiecewisePolynomial:
         if self.accelerations is None:
-            rates = _spline_rates(self.t, self.values) if self.rates is None else self.rates
+            rates = self.rates
+            if rates is None:  # at rest at both ends, as motions are
+                rates = spline_rates(np.diff(self.t), self.values)
             return JointTable(self.t, self.values, rates, np.zeros_like(rates)).cubic()
         assert self.rates is not None
         return JointTable(self.t, self.values, self.rates, self.accelerations).quintic()
@@ -159,24 +161,3 @@ def _require_one_place(table: ForeignTable, lines: Sequence[int]) -> None:
             row = jumps[off.argmax()]
             which = f"lines {lines[row]} and {lines[row + 1]} have the same time"
             raise WrongCsv(f"{which}, but {what}s that differ by {off.max():g}")
-
-
-def _spline_rates(t: Array, values: Array) -> Array:
-    """Rates at the rows of the C² cubic spline that is at rest at both ends, as motions are.
-
-    Its second derivative is continuous: r_{i-1}/h_{i-1} + 2 (1/h_{i-1} + 1/h_i) r_i + r_{i+1}/h_i =
-    3 ((y_i - y_{i-1})/h_{i-1}² + (y_{i+1} - y_i)/h_i²), solved by Thomas's elimination.
-    """
-    h, slope = np.diff(t)[:, None], np.diff(values, axis=0)
-    number = len(t)
-    rates = np.zeros_like(values)
-    right = 3 * (slope[:-1] / h[:-1] ** 2 + slope[1:] / h[1:] ** 2)
-    diagonal = 2 * (1 / h[:-1] + 1 / h[1:])
-    above = 1 / h[1:]
-    for i in range(1, number - 2):
-        factor = above[i - 1] / diagonal[i - 1]
-        diagonal[i] -= factor * above[i - 1]
-        right[i] -= factor * right[i - 1]
-    for i in reversed(range(number - 2)):
-        rates[i + 1] = (right[i] - above[i] * rates[i + 2]) / diagonal[i]
-    return rates

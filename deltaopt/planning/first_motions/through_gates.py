@@ -13,7 +13,7 @@ from math import hypot, isfinite
 
 import numpy as np
 
-from deltaopt.curves.piecewise import Array, PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial, spline_rates
 from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.time_scaling import rough_factor
@@ -145,18 +145,7 @@ def _lengths(points: Array, power: float) -> Array:
 def _spline(points: Array, lengths: Array, first: Array, last: Array) -> PiecewisePolynomial:
     """The cubic spline through points, (n, 3), m, with legs of these ``lengths`` (s) and with these
     velocities (m/s) at its ends."""
-    secant = np.diff(points, axis=0) / lengths[:, None]
-    v = np.vstack([first, np.zeros((len(points) - 2, 3)), last])
-    before, after = 1 / lengths[:-1], 1 / lengths[1:]
-    diagonal = 2 * (before + after)
-    b = 3 * (before[:, None] * secant[:-1] + after[:, None] * secant[1:])
-    b[0] -= before[0] * v[0]
-    for i in range(1, len(b)):  # Gauss's elimination of a tridiagonal system
-        share = before[i] / diagonal[i - 1]
-        diagonal[i] -= share * after[i - 1]
-        b[i] -= share * b[i - 1]
-    for i in reversed(range(len(b))):
-        v[i + 1] = (b[i] - after[i] * v[i + 2]) / diagonal[i]
+    v = spline_rates(lengths, points, first, last)
     return PiecewisePolynomial.hermite(np.append(0.0, np.cumsum(lengths)), points, v)
 
 
