@@ -12,7 +12,7 @@ from itertools import chain, islice
 
 import numpy as np
 
-from deltaopt.curves.piecewise import Array, PiecewisePolynomial
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import RULED_OUT, NotConverged, Unreachable, if_possible
 from deltaopt.motion.loads import sizes_at
 from deltaopt.motion.lower_bound import lower_bound
@@ -210,7 +210,7 @@ def intervals_in_tube(scene: Scene, motion: Trajectory, intervals: int) -> int:
 def _stays_in_workspace(motion: Trajectory, intervals: int) -> bool:
     knots = np.linspace(motion.knots[0], motion.knots[-1], intervals + 1)
     cubics = PiecewisePolynomial.hermite(knots, *motion.position.with_rate_at(knots))
-    alignments = motion.model.alignments(_points(cubics, _TRIED))
+    alignments = motion.model.alignments(cubics.inside(*cubics.everywhere(_TRIED)))
     return bool((alignments > 0).all())  # False where not a number
 
 
@@ -221,15 +221,6 @@ class CrossesSingularity(NotConverged):
 def crosses_singularity(problem: Problem, motion: Trajectory) -> bool:
     """Whether a motion passes through a parallel singularity, as far as samples show."""
     one = len(motion.knots) == 2
-    points = _points(motion.position, _TRIED_IN_ONE if one else _TRIED_IN_MANY)
+    tried = motion.position.everywhere(_TRIED_IN_ONE if one else _TRIED_IN_MANY)
+    points = motion.position.inside(*tried)
     return not on_one_side(problem.model, np.vstack([problem.start.position, points]))
-
-
-def _points(position: PiecewisePolynomial, fractions: Array) -> Array:
-    """Positions at fractions of all intervals, (N, 3), m."""
-    coefficients = position.coefficients  # (intervals, powers, 3)
-    since = np.diff(position.knots)[:, None, None] * fractions[:, None]
-    points = np.repeat(coefficients[:, -1:], len(fractions), axis=1)
-    for power in range(coefficients.shape[1] - 2, -1, -1):
-        points = points * since + coefficients[:, power, None]
-    return points.reshape(-1, 3)
