@@ -11,7 +11,6 @@ from deltaopt.files.validated_record import Vector3
 
 REST = (0.0, 0.0, 0.0)
 _FIXED = (False, False, False)
-_FREE = (True, True, True)
 
 
 @dataclass(frozen=True)
@@ -34,16 +33,6 @@ class Boundary:
     within: float = 0.0
 
     @classmethod
-    def met(cls, position: Vector3, belt: Vector3) -> Self:
-        """A point that moves from ``position`` on at the velocity ``belt``, and is met at it."""
-        return cls(position, belt, belt=belt)
-
-    @classmethod
-    def rest_anywhere(cls) -> Self:
-        """Rest, wherever that is."""
-        return cls(REST, free=_FREE)
-
-    @classmethod
     def passed(
         cls, place: tuple[float | None, float | None, float | None], within: float = 0.0
     ) -> Self:
@@ -58,11 +47,6 @@ class Boundary:
         return self.belt != REST
 
     @property
-    def is_anywhere(self) -> bool:
-        """Whether no coordinate of the place is known."""
-        return all(self.free)
-
-    @property
     def is_rest_at_a_point(self) -> bool:
         """Whether the platform rests there, at a place that is known."""
         known = not (any(self.free) or self.is_passed or self.within)
@@ -71,7 +55,7 @@ class Boundary:
 
     def at(self, duration: float, reached: Vector3) -> Boundary:
         """What is asked of a motion that takes ``duration`` (s) and ends at ``reached`` (m)."""
-        if self.is_anywhere:
+        if all(self.free):
             return Boundary(reached, self.velocity)  # at rest
         if not self.moves:
             return self

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from deltaopt.problem.boundary import Boundary
+from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.problem.problem import Objective, Problem
 from deltaopt.robot.model import model_of
 from deltaopt.scene.known_limits import limits_of
@@ -41,7 +41,7 @@ def boundaries_of(task: Task) -> tuple[Boundary, ...]:
 
 def _boundary(goal: Goal) -> Boundary:
     if isinstance(goal, MovingPoint):
-        return Boundary.met(goal.position, goal.velocity)
+        return Boundary(goal.position, goal.velocity, belt=goal.velocity)
     if isinstance(goal, EndState):
         return Boundary(goal.position, goal.velocity, goal.acceleration)
-    return Boundary.rest_anywhere()
+    return Boundary(REST, free=(True, True, True))

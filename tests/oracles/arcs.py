@@ -187,7 +187,9 @@ class ArcProblem:
         lower[at] = np.where(held != 0, held, -1)
         upper[at] = np.where(held != 0, held, 1)
         goal = self.intervals * self._block
-        lower[:6] = upper[:6] = scaling.at_start
+        lower[:6] = upper[:6] = np.append(
+            scaling.place(scaling.problem.start.position), np.zeros(3)
+        )
         lower[goal : goal + 6] = upper[goal : goal + 6] = scaling.at_goal
         lower[self._first_length : -1] = 0.0
         lower[-1] = upper[-1] = 1.0

@@ -76,11 +76,14 @@ class Parameters:
         )
 
     @property
+    def units(self) -> ca.SX:
+        """The parameters before the numbers of limits."""
+        return ca.vertcat(self.origin, self.length, self.time, self.torque, self.motors)
+
+    @property
     def scaling(self) -> ca.SX:
         """The parameters of the scene, in the order of ``Scaling.vector``."""
-        units = self.origin, self.length, self.time, self.torque
-        softening = self.cover, self.widths
-        return ca.vertcat(*units, self.motors, self.limits, *softening)
+        return ca.vertcat(self.units, self.limits, self.cover, self.widths)
 
     @property
     def vector(self) -> ca.SX:
@@ -139,17 +142,9 @@ class Scaling:
         return self.limits.bounds[1][self.constraints.is_control]
 
     @cached_property
-    def at_start(self) -> Array:
-        """Scaled position and velocity at a start at rest, (6,)."""
-        return self._at_rest(self.problem.start.position)
-
-    @cached_property
     def at_goal(self) -> Array:
         """Scaled position and velocity at a goal at rest, (6,)."""
-        return self._at_rest(self.problem.goal.position)
-
-    def _at_rest(self, point: Vector3) -> Array:
-        place = self.place(point)
+        place = self.place(self.problem.goal.position)
         return np.concatenate([place, np.zeros(len(place))])
 
     def place(self, point: Sequence[float | None]) -> Array:
@@ -197,7 +192,7 @@ class Scaling:
 
     @property
     def _units(self) -> list[float]:
-        """Values of ``Parameters.scaling`` before the numbers of limits."""
+        """Values of ``Parameters.units``."""
         weights = self.problem.objective.motors if weights_motors(self.constraints) else ()
         return [*self.origin, self.length, self.time, *self.torque, *weights]
 
