@@ -106,8 +106,6 @@ def _finished(scene: Scene, under_way: PiecewisePolynomial, tolerance: float) ->
         solve_seconds=0.0,
         gap=inf,
         tolerance=tolerance,
-        meshes=(),
-        certificate=None,
     )
 
 

@@ -45,6 +45,5 @@ def plan_of(scene: Scene, found: PathMotion, tolerance: float, seconds: float = 
         gap=found.gap,
         tolerance=tolerance,
         meshes=found.iterations,
-        certificate=None,
         multipliers=found.multipliers,
     )

@@ -152,8 +152,8 @@ class Plan:
     solve_seconds: float = field(compare=False)
     gap: float
     tolerance: float
-    meshes: tuple[Iteration, ...] | tuple[PathIteration, ...] = field(compare=False)
-    certificate: Certificate | None = field(compare=False)
+    meshes: tuple[Iteration, ...] | tuple[PathIteration, ...] = field(default=(), compare=False)
+    certificate: Certificate | None = field(default=None, compare=False)
     resolved: bool = False
     optima: tuple[Optimum, ...] = field(default=(), compare=False)
     ways: tuple[TakenWay, ...] = field(default=(), compare=False)
@@ -274,8 +274,6 @@ def plan_of_parts(scene: Scene, motion: Trajectory, parts: list[Plan]) -> Plan:
         solve_seconds=sum(part.solve_seconds for part in parts),
         gap=inf,
         tolerance=parts[0].tolerance,
-        meshes=(),
-        certificate=None,
     )
 
 
