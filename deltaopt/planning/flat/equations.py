@@ -116,7 +116,6 @@ class PointEquations:
         order, end = self.constraints.order, 3 * (self.constraints.order + 1)
         p = self.parameters
         x = p.origin + p.length * self.y[:3]
-        before = ca.vertcat(p.origin, p.length, p.time, p.torque, p.motors).numel()
         sides = [Sides((upper, lower)) for lower, upper in self.constraints.closed_sides.tolist()]
         return PointProblem(
             coordinates=3,
@@ -133,7 +132,7 @@ class PointEquations:
             strengths=self.strengths,
             covers=self.covers,
             own=p.widths,
-            alike=tuple(self.constraints.alike(x, before)),
+            alike=tuple(self.constraints.alike(x, p.units.numel())),
         )
 
 
