@@ -31,7 +31,7 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.output.controller_c import export_c
 from deltaopt.planning.flat.interior_point import Arguments, CompiledMethod
 from deltaopt.planning.flat.method_source import source
-from deltaopt.planning.path import on_mesh
+from deltaopt.planning.path import sweep
 from deltaopt.planning.path.on_mesh import MeshCall
 from deltaopt.scene.task import given_points
 from studies.bench.random_scenes import random_scenes
@@ -342,7 +342,7 @@ def _method_text(method: CompiledMethod) -> str:
 
 
 def _mesh_text(function: RowFunction, *, own_parts: bool) -> str:
-    rows, text = vectorised.source(function.function), on_mesh.source()
+    rows, text = vectorised.source(function.function), sweep.source()
     assert text.count(_TAKEN) == 1
     before, after = text.split(_TAKEN)
     if own_parts:

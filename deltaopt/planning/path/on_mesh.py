@@ -7,14 +7,11 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass
-from functools import lru_cache
-from importlib.resources import files
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from deltaopt.codegen.compile import library
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.piecewise import Array
 from deltaopt.planning.path.path_mesh import (
@@ -25,7 +22,7 @@ from deltaopt.planning.path.path_mesh import (
     PathMesh,
 )
 from deltaopt.planning.path.path_rows import RESTING, AffineRows, PathRows, State
-from deltaopt.planning.path.sweep import FASTEST, Speeds, Unattainable, swept
+from deltaopt.planning.path.sweep import FASTEST, Speeds, Unattainable, compiled, swept
 from deltaopt.planning.plan import Spent
 
 INSIDE = np.array([0.2, 0.5, 0.8])
@@ -75,7 +72,7 @@ def fastest_on_mesh(
     Singular where the platform cannot be.
     """
     if rows.function.address is not None:
-        code = _code()
+        code = compiled()
         if code is not None:
             return _compiled(code, rows, mesh, tangency, ends, tighter)
     return by_arrays(rows, mesh, tangency, ends, tighter)
@@ -204,20 +201,3 @@ def _compiled(
     spent = Spent(perf_counter() - begin - seconds, seconds)
     beyond = rest[5 * n :].reshape(n, len(INSIDE), -1)
     return OnMesh(motion, tangency, tighter, beyond, losses, spent)
-
-
-def source() -> str:
-    """C text of the compiled function."""
-    folder = files("deltaopt.planning.path")
-    return "".join(folder.joinpath(name).read_text() for name in ("sweep.c", "on_mesh.c"))
-
-
-@lru_cache(maxsize=1)
-def _code() -> Any:
-    """The compiled function; None without a compiler."""
-    built = library(source())
-    if built is None:
-        return None
-    code = ctypes.CDLL(str(built))
-    code.on_mesh.restype = ctypes.c_int64
-    return code

@@ -63,7 +63,7 @@ def _swept(
     h: Array, rows: AffineRows, start: float, goal: float, convex: bool
 ) -> tuple[Array, Array]:
     """The fastest b and u in units of the path's length and of the largest alpha."""
-    code, n = _code(), len(h)
+    code, n = compiled(), len(h)
     if code is None:
         found = fastest(h, rows, start, goal, FASTEST, convex)
         if isinstance(found, int | None):
@@ -88,12 +88,18 @@ def _swept(
     return b, u
 
 
+def source() -> str:
+    """C text of the compiled functions: of the sweep, and of all that is done on a mesh."""
+    folder = files("deltaopt.planning.path")
+    return "".join(folder.joinpath(name).read_text() for name in ("sweep.c", "on_mesh.c"))
+
+
 @lru_cache(maxsize=1)
-def _code() -> Any:
-    """The compiled sweep; None without a compiler."""
-    built = library(files("deltaopt.planning.path").joinpath("sweep.c").read_text())
+def compiled() -> Any:
+    """The compiled functions; None without a compiler."""
+    built = library(source())
     if built is None:
         return None
     code = ctypes.CDLL(str(built))
-    code.sweep.restype = ctypes.c_int64
+    code.sweep.restype = code.on_mesh.restype = ctypes.c_int64
     return code

@@ -227,7 +227,7 @@ def test_no_pulses_of_torque_at_a_point_of_zero_inertia():
 
 def test_one_call_for_a_mesh_is_what_arrays_do():
     """All of ``on_mesh.c`` against numpy, with curved rows and tightened bounds too."""
-    if on_mesh._code() is None:
+    if on_mesh.compiled() is None:
         pytest.skip("no compiler")
     rng = np.random.default_rng(1)
     for limits in (None, {"acceleration": 60.0}):
@@ -292,8 +292,8 @@ def test_a_curve_by_arrays_is_that_by_a_function():
 def test_without_a_compiler_it_is_the_same(monkeypatch):
     scene = on(PICK, "line")
     compiled = deltaopt.plan(scene)
-    monkeypatch.setattr(sweep, "_code", lambda: None)
-    monkeypatch.setattr(on_mesh, "_code", lambda: None)
+    monkeypatch.setattr(sweep, "compiled", lambda: None)
+    monkeypatch.setattr(on_mesh, "compiled", lambda: None)
     assert deltaopt.plan(scene).duration == pytest.approx(compiled.duration, rel=1e-9)
 
 

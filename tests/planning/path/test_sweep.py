@@ -89,7 +89,7 @@ def test_a_zero_inertia_point():
 @pytest.mark.parametrize("seed", range(12))
 def test_the_compiled_sweep_and_the_linear_program_agree(seed, monkeypatch):
     """On random rows, some of them without lower bounds or u, and with points of zero inertia."""
-    if sweep._code() is None:
+    if sweep.compiled() is None:
         pytest.skip("no compiler")
     rng, mesh = np.random.default_rng(seed), mesh_of(90)
     s = ends_of(mesh)
@@ -104,7 +104,7 @@ def test_the_compiled_sweep_and_the_linear_program_agree(seed, monkeypatch):
     columns.append((1 + 0 * s, 0 * s, -30 + 0 * s, 30 + 0 * s))
     rows = rows_of(*columns)
     quick = swept(mesh.h, rows, 0.0, 0.0)
-    monkeypatch.setattr(sweep, "_code", lambda: None)
+    monkeypatch.setattr(sweep, "compiled", lambda: None)
     slow = swept(mesh.h, rows, 0.0, 0.0)
     np.testing.assert_allclose(slow.b, quick.b, rtol=1e-7, atol=1e-9)
     np.testing.assert_allclose(slow.u, quick.u, rtol=1e-5, atol=1e-5)
