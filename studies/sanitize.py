@@ -479,7 +479,7 @@ def _plan_on_paths(scene: deltaopt.Scene, number: int) -> None:
 
 
 def _tests_of_the_method() -> None:
-    """Its tests solve problems of all kinds: phases, moving ends, integral rows, quintics."""
+    """Its tests solve problems of all kinds: phases, moving ends, running costs, quintics."""
     import pytest
 
     tests = Path(__file__).parents[1] / "tests/planning/flat/test_general_problems.py"

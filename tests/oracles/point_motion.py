@@ -52,7 +52,7 @@ class Row:
 
 @dataclass(frozen=True)
 class System:
-    """Equations of motion (as many as torques), rows and integrands of an instant.
+    """Equations of motion (as many as torques) and rows of an instant.
 
     ``pieces``: 2 for a cubic in each interval with continuous velocity, 3 for three cubics in each
     with continuous acceleration.
@@ -63,7 +63,6 @@ class System:
     pieces: int
     force: Callable[[Instant], ca.SX]
     rows: Callable[[Instant], list[Row]]
-    integrands: Callable[[Instant], ca.SX] = lambda _: ca.SX(0, 1)
     running: Callable[[Instant], ca.SX] | None = None
 
 
@@ -157,7 +156,7 @@ def best(
             away = state(c, s, h, 0) - ca.DM(end.state[0])
             limit(ca.sumsqr(away), 0.0, end.radius**2)
 
-    integrals, running = None, ca.SX(0)
+    running = ca.SX(0)
     before: tuple[ca.SX, ca.SX] | None = None
     time, guessed = ca.SX(0), 0.0
     for q, (leg, T) in enumerate(zip(legs, durations, strict=True)):
@@ -192,16 +191,12 @@ def best(
                 for row in system.rows(now):
                     lower, upper = -1.0 if row.lower else -np.inf, 1.0 if row.upper else np.inf
                     limit(row.quantity, lower, upper)
-                share = weight * h * system.integrands(now)
-                integrals = share if integrals is None else integrals + share
                 if system.running is not None:
                     running += weight * h * system.running(now)
             before = c, h
         assert before is not None
         time, guessed = time + T, guessed + leg.duration
         keep(ends[q + 1], *(before[0], 1.0, before[1]), time)
-    if integrals is not None and integrals.numel():
-        limit(integrals - time, -np.inf, 0.0)
     if sum_is_given:
         limit(time - sum(leg.duration for leg in legs), 0.0, 0.0)
     cost = weights[0] * time + weights[1] * running

@@ -10,8 +10,8 @@ static void bend(Problem *P, double weight) {
         G->bend_lower[r] = weight * G->dt[r] * G->dlower[r];
       }
     }
-  for (int64_t k = 0; k < P->singles; k++) {
-    Single *G = P->single + k;
+  for (int64_t k = 0; k < P->spheres; k++) {
+    Sphere *G = P->sphere + k;
     G->bend = -weight * G->dt * G->dupper;
   }
 }
@@ -32,11 +32,11 @@ static void gradient(Problem *P, double mu) {
       add_to_gradient(P, i, G, m, P->g);
     }
   reduce_gradient(P, P->g);
-  if (NL) add_integral(P, NI, P->given->cost[1], P->g);
-  for (int64_t k = 0; k < P->singles; k++) {
-    const Single *G = P->single + k;
+  for (int64_t a = 0; NL && a < size(P); a++) P->g[a] += P->given->cost[1] * P->slope[a];
+  for (int64_t k = 0; k < P->spheres; k++) {
+    const Sphere *G = P->sphere + k;
     const double q = (G->upper * (G->c - G->t) + mu - G->bend) * G->over;
-    add_single(P, k, q, P->g);
+    for (int j = 0; j < NM; j++) P->g[NB * G->knot + j] += q * G->slope[j];
   }
 }
 
@@ -60,9 +60,9 @@ static void direction(Problem *P, double mu) {
       }
     }
   }
-  for (int64_t k = 0; k < P->singles; k++) {
-    Single *G = P->single + k;
-    G->dt = G->c - G->t + along(P, k, P->dz);
+  for (int64_t k = 0; k < P->spheres; k++) {
+    Sphere *G = P->sphere + k;
+    G->dt = G->c - G->t + along(G, P->dz);
     G->dupper = (mu - G->bend + G->upper * G->dt) * G->over - G->upper;
   }
 }
@@ -88,8 +88,8 @@ static void longest_steps(const Problem *P, double fraction, double *primal, dou
       }
     }
   double by_primal = largest(by_t), by_dual = largest(by_multiplier);
-  for (int64_t k = 0; k < P->singles; k++) {
-    const Single *G = P->single + k;
+  for (int64_t k = 0; k < P->spheres; k++) {
+    const Sphere *G = P->sphere + k;
     by_primal = greater(by_primal, G->dt * G->over);
     by_dual = greater(by_dual, -G->dupper / G->upper);
   }
@@ -114,15 +114,15 @@ static double complementarity(const Problem *P, double primal, double dual) {
       }
     }
   double all = sum(total);
-  for (int64_t k = 0; k < P->singles; k++) {
-    const Single *G = P->single + k;
+  for (int64_t k = 0; k < P->spheres; k++) {
+    const Sphere *G = P->sphere + k;
     all += (1 - G->t - primal * G->dt) * (G->upper + dual * G->dupper);
   }
   return all;
 }
 
 /* How many products of a slack and a multiplier there are. */
-static double products(const Problem *P) { return 4.0 * NG * SIDES * P->n + P->singles; }
+static double products(const Problem *P) { return 4.0 * NG * SIDES * P->n + P->spheres; }
 
 /* Mehrotra's choice: as far down as dz, Newton's step without barrier, would get, cubed; and
    his correction for what that step neglects, in so far as it can be taken. Where limits block dz
@@ -171,10 +171,10 @@ static double merit_of_rows(const Problem *P, Group *G, const V *c, double step)
   return P->mu * barrier + P->penalty * sum(infeasibility);
 }
 
-static double merit_of_singles(Problem *P, double step) {
+static double merit_of_spheres(Problem *P, double step) {
   double total = 0;
-  for (int64_t k = 0; k < P->singles; k++) {
-    Single *G = P->single + k;
+  for (int64_t k = 0; k < P->spheres; k++) {
+    Sphere *G = P->sphere + k;
     const double c = step > 0 ? G->next : G->c;
     const double towards = lesser(c, 1 - 0.01 * (1 - G->t));
     G->moved = step > 0 ? 0.5 * (G->t + step * G->dt) + 0.5 * towards : G->t;
@@ -183,19 +183,17 @@ static double merit_of_singles(Problem *P, double step) {
   return total;
 }
 
-/* Rows of their own at z, and the running cost: integrals before any interval adds to them, and
-   spheres. */
-static void begin_singles(Problem *P, const double *z) {
+/* Rows of spheres at z, and the integral of the running cost before any interval adds to it. */
+static void begin_spheres(Problem *P, const double *z) {
   P->next_run = 0;
-  for (int64_t k = 0; k < P->singles; k++)
-    P->single[k].next = k < NI ? 1 : in_sphere(P->single + k, z);
+  for (int64_t k = 0; k < P->spheres; k++) P->sphere[k].next = in_sphere(P->sphere + k, z);
 }
 
 static double merit(Problem *P, double step) {
   const double *dz = P->dz, begin = seconds();
   for (int64_t i = 0; i < size(P); i++) P->trial[i] = P->z[i] + step * dz[i];
   double total = cost(P, P->trial, 0.0);
-  begin_singles(P, P->trial);
+  begin_spheres(P, P->trial);
   for (int64_t i = 0; i < P->n; i++) {
     Interval *I = P->interval + i;
     double room[NK];
@@ -205,7 +203,7 @@ static double merit(Problem *P, double step) {
       total += merit_of_rows(P, I->group + j, I->group[j].next, step);
     }
   }
-  total += merit_of_singles(P, step);
+  total += merit_of_spheres(P, step);
   if (NL) total += P->given->cost[1] * P->next_run;
   P->report->evaluations++;
   P->report->evaluating += seconds() - begin;
@@ -227,8 +225,8 @@ static double merit_now(Problem *P, double *slope) {
         along += P->mu * (G->over[r] - G->under[r]) * G->dt[r];
       }
     }
-  for (int64_t k = 0; k < P->singles; k++) {
-    const Single *G = P->single + k;
+  for (int64_t k = 0; k < P->spheres; k++) {
+    const Sphere *G = P->sphere + k;
     needed = greater(needed, fabs(G->upper + G->dupper));
     infeasibility += fabs(G->c - G->t);
     *slope += P->mu * G->over * G->dt;
@@ -241,7 +239,7 @@ static double merit_now(Problem *P, double *slope) {
       Group *G = P->interval[i].group + j;
       total += merit_of_rows(P, G, G->c, 0.0);
     }
-  return total + merit_of_singles(P, 0.0);
+  return total + merit_of_spheres(P, 0.0);
 }
 
 /* Along a new direction halve the step until the merit rises by no more than RISE times what
@@ -285,8 +283,8 @@ static void move(Problem *P, double dual) {
         G->y[r] = G->upper[r] - G->lower[r];
       }
     }
-  for (int64_t k = 0; k < P->singles; k++) {
-    Single *G = P->single + k;
+  for (int64_t k = 0; k < P->spheres; k++) {
+    Sphere *G = P->sphere + k;
     G->c = G->next;
     G->t = G->moved;
     G->over = 1 / (1 - G->t);
@@ -329,14 +327,14 @@ static void set_intervals(Problem *P) {
     }
   }
   int64_t knot = 0;
-  P->singles = NI;
+  P->spheres = 0;
   for (int64_t b = 0; b <= P->phases; b++) {
-    Single *B = P->single + P->singles;
+    Sphere *B = P->sphere + P->spheres;
     if (given->radius[b] > 0) {
       B->centre = given->state + NB * b;
       B->radius = given->radius[b];
       B->knot = knot;
-      P->singles++;
+      P->spheres++;
     }
     if (b < P->phases) knot += given->intervals[b];
   }
@@ -421,7 +419,7 @@ static int begin(Problem *P, const Settings *S, const double *known) {
   double total = 0;
   set_intervals(P);
   P->penalty = 0;
-  begin_singles(P, P->z);
+  begin_spheres(P, P->z);
   for (int64_t i = 0; i < P->n; i++) {
     Interval *I = P->interval + i;
     double room[NK];
@@ -441,8 +439,8 @@ static int begin(Problem *P, const Settings *S, const double *known) {
       for (int r = 0; r < NC; r++) begin_row(P, P->interval[i].group + j, r, S->closest, known);
       if (known) known += 4 * NC;
     }
-  for (int64_t k = 0; k < P->singles; k++) {
-    Single *G = P->single + k;
+  for (int64_t k = 0; k < P->spheres; k++) {
+    Sphere *G = P->sphere + k;
     G->c = G->next;
     G->t = lesser(G->c, 1 - S->closest);
     G->over = 1 / (1 - G->t);
@@ -468,8 +466,8 @@ static int solved(Problem *P, const Settings *S, double shift) {
       for (int r = 0; r < NC; r++)
         R->primal = greater(R->primal, largest(absolute(G->c[r] - G->t[r])));
     }
-  for (int64_t k = 0; k < P->singles; k++)
-    R->primal = greater(R->primal, fabs(P->single[k].c - P->single[k].t));
+  for (int64_t k = 0; k < P->spheres; k++)
+    R->primal = greater(R->primal, fabs(P->sphere[k].c - P->sphere[k].t));
   R->dual = (shift > 0 ? VALLEY : 1.0) * change;
   R->cost = now;
   R->complementarity = P->left / now;
@@ -479,10 +477,10 @@ static int solved(Problem *P, const Settings *S, double shift) {
 
 static void differentiate_all(Problem *P) {
   const double begin = seconds();
-  memset(P->slope, 0, NA * size(P) * sizeof(double));
+  memset(P->slope, 0, NL * size(P) * sizeof(double));
   for (int64_t i = 0; i < P->n; i++) curvature(P, i);
-  for (int64_t k = NI; k < P->singles; k++) set_slope(P->single + k, P->z);
-  for (int k = 0; k < NA; k++) reduce_gradient(P, P->slope + k * size(P));
+  for (int64_t k = 0; k < P->spheres; k++) set_slope(P->sphere + k, P->z);
+  if (NL) reduce_gradient(P, P->slope);
   P->report->evaluating += seconds() - begin;
 }
 
@@ -558,7 +556,7 @@ static void *part(uintptr_t *address, int64_t bytes) {
 
 /* Share out the memory from an address on; the address after it. */
 static uintptr_t share_out(Problem *P, uintptr_t address) {
-  const int64_t numbers = size(P), real = sizeof(double), w = P->width;
+  const int64_t numbers = size(P), real = sizeof(double), w = P->phases;
   P->interval = part(&address, P->n * (int64_t)sizeof(Interval));
   P->block = part(&address, (P->n + 1) * (int64_t)sizeof(Block));
   P->prepared = part(&address, P->phases * NQ * (int64_t)sizeof(V));
@@ -571,14 +569,14 @@ static uintptr_t share_out(Problem *P, uintptr_t address) {
   P->dz = part(&address, numbers * real);
   P->trial = part(&address, numbers * real);
   P->g = part(&address, numbers * real);
-  P->slope = part(&address, NA * numbers * real);
-  P->single = part(&address, (NI + P->phases + 1) * (int64_t)sizeof(Single));
+  P->slope = part(&address, NL * numbers * real);
+  P->sphere = part(&address, (P->phases + 1) * (int64_t)sizeof(Sphere));
   return address;
 }
 
 /* Bytes of memory that ``solve`` needs for n intervals in all. */
 int64_t workspace(int64_t n, int64_t phases) {
-  Problem P = {.n = n, .phases = phases, .width = NI + phases};
+  Problem P = {.n = n, .phases = phases};
   return (int64_t)share_out(&P, 64);
 }
 
@@ -603,13 +601,13 @@ static Given given_by(int64_t phases, int64_t n, const int64_t *flags, const dou
 
 /* flags: intervals, given, is_free. rule: fractions, thirds, quadrature. numbers: mesh, own, share, p, state,
    drift, radius, cost. motion: in, a guess; out, the solution: knots of each phase in units of its duration,
-   (n + phases) x NB, and the durations. multipliers: out, n x points x NC of the rows, NI of the
-   integral rows, one for each sphere; in, those of the rows, per share of what may be used of the
+   (n + phases) x NB, and the durations. multipliers: out, n x points x NC of the rows, one
+   for each sphere; in, those of the rows, per share of what may be used of the
    limits, if settings say that they are given. memory: for this call alone, its contents of no account. */
 int solve(int64_t phases, const int64_t *flags, const double *rule, const double *numbers,
           double *motion, double *multipliers, const Settings *settings, Report *report,
           void *memory) {
-  Problem P = {.phases = phases, .width = NI + phases, .report = report};
+  Problem P = {.phases = phases, .report = report};
   for (int64_t q = 0; q < phases; q++) P.n += flags[q];
   const Given given = given_by(phases, P.n, flags, rule, numbers);
   P.given = &given;
@@ -624,6 +622,6 @@ int solve(int64_t phases, const int64_t *flags, const double *rule, const double
       for (int l = 0; l < 4; l++)
         for (int r = 0; r < NC; r++)
           *multipliers++ = P.interval[i].group[j].y[r][l] * P.interval[i].scale[r];
-  for (int64_t k = 0; k < P.singles; k++) *multipliers++ = P.single[k].upper;
+  for (int64_t k = 0; k < P.spheres; k++) *multipliers++ = P.sphere[k].upper;
   return status;
 }

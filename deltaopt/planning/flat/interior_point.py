@@ -122,13 +122,11 @@ class PhaseSolution:
 
 @dataclass(frozen=True)
 class InteriorPointSolution:
-    """Where the method ended. ``integral_multipliers``: one for each integrand, nonnegative.
-    ``sphere_multipliers``: one for each boundary, cost per share of the squared radius; 0 where
-    there is no sphere. ``cost``: what is minimised. ``left``: by what fraction of it Newton's next
-    step would change it."""
+    """Where the method ended. ``sphere_multipliers``: one for each boundary, cost per share of the
+    squared radius; 0 where there is no sphere. ``cost``: what is minimised. ``left``: by what
+    fraction of it Newton's next step would change it."""
 
     phases: tuple[PhaseSolution, ...]
-    integral_multipliers: Array
     sphere_multipliers: Array
     cost: float
     left: float
@@ -248,8 +246,7 @@ class CompiledMethod:
         )
         rows = sum(counts) * len(self.points.fractions) * len(self.problem.sides)
         has_sphere = np.array([boundary.radius > 0 for boundary in boundaries])
-        own = rows + self._integrals
-        multipliers = np.empty(own + int(has_sphere.sum()))
+        multipliers = np.empty(rows + int(has_sphere.sum()))
         known = [_usable(phase) for phase in phases if phase.multipliers is not None]
         if known:
             multipliers[:rows] = np.concatenate(known)
@@ -258,10 +255,9 @@ class CompiledMethod:
         )
         status, report = self.run(given)
         of_spheres = np.zeros(len(boundaries))
-        of_spheres[has_sphere] = multipliers[own:]
+        of_spheres[has_sphere] = multipliers[rows:]
         return InteriorPointSolution(
             self._by_phase(counts, motion, multipliers[:rows]),
-            multipliers[rows:own],
             of_spheres,
             report.cost,
             report.dual,
@@ -298,10 +294,6 @@ class CompiledMethod:
         if trace is not None:
             _log(trace[: report.iterations + 1], n, STATUS[status])
         return status, report
-
-    @cached_property
-    def _integrals(self) -> int:
-        return int(self.problem.integrands.numel())
 
     @cached_property
     def _rule(self) -> Array:

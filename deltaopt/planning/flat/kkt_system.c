@@ -1,6 +1,6 @@
 /* The KKT system, block tridiagonal with a border.
 
-     D_i    block of knot i            S   corner of the border: integral rows, then durations
+     D_i    block of knot i            S     corner of the border, by the durations
      E_i    knot i + 1 by knot i       b_i   columns of the border at knot i
 
    Factorised in place: D_i its Cholesky factor L_i, E_i its product with L_i^-T, b_i that of
@@ -37,14 +37,14 @@ static void solve_upper(double L[NB][NB], double *x) {
   }
 }
 
-/* The border's corner: L D L^T in place, D beside; 0 where signs are not as they should be. */
+/* The border's corner: L D L^T in place, D beside; 0 where it is not positive definite. */
 static int factorise_corner(Problem *P) {
-  const int64_t w = P->width;
+  const int64_t w = P->phases;
   double *S = P->corner;
   for (int64_t j = 0; j < w; j++) {
     double d = S[w * j + j];
     for (int64_t k = 0; k < j; k++) d -= S[w * j + k] * S[w * j + k] * P->pivot[k];
-    if (!(j < NI ? d < -1e-300 : d > 1e-16)) return 0;
+    if (!(d > 1e-16)) return 0;
     P->pivot[j] = d;
     for (int64_t i = j + 1; i < w; i++) {
       double s = S[w * i + j];
@@ -56,7 +56,7 @@ static int factorise_corner(Problem *P) {
 }
 
 static void solve_corner(const Problem *P, double *x) {
-  const int64_t w = P->width;
+  const int64_t w = P->phases;
   const double *S = P->corner;
   for (int64_t i = 0; i < w; i++)
     for (int64_t k = 0; k < i; k++) x[i] -= S[w * i + k] * x[k];
@@ -67,7 +67,6 @@ static void solve_corner(const Problem *P, double *x) {
 
 /* The columns of the border that an interval contributes to the knot on this side of it. */
 static void add_border(const Problem *P, const Interval *I, int side, double *columns) {
-  columns += NI * NB;
   if (!I->moving) {
     for (int r = 0; r < NB; r++) columns[NB * I->phase + r] += I->K[NK][NB * side + r];
     return;
@@ -86,7 +85,7 @@ static void fix(const Problem *P, int64_t i, Block *B, double *columns) {
     if (here >= 0 && !P->given->is_free[NB * here + r]) {
       for (int s = 0; s < NB; s++) B->D[r][s] = B->D[s][r] = B->E[s][r] = 0;
       B->D[r][r] = 1;
-      for (int64_t w = 0; w < P->width; w++) columns[NB * w + r] = 0;
+      for (int64_t w = 0; w < P->phases; w++) columns[NB * w + r] = 0;
     }
     if (next >= 0 && !P->given->is_free[NB * next + r])
       for (int s = 0; s < NB; s++) B->E[r][s] = 0;
@@ -133,54 +132,46 @@ static int at_boundary(const Problem *P, int64_t i) {
 
 static void assemble(const Problem *P, int64_t i, double shift, Block *B, double *columns) {
   assemble_block(P, i, shift, B);
-  memset(columns + NI * NB, 0, P->phases * NB * sizeof(double));
-  for (int k = 0; k < NI; k++)
-    memcpy(columns + NB * k, P->slope + k * size(P) + NB * i, NB * sizeof(double));
+  memset(columns, 0, P->phases * NB * sizeof(double));
   if (i > 0) add_border(P, P->interval + i - 1, 1, columns);
   if (i < P->n) add_border(P, P->interval + i, 0, columns);
   for (int64_t q = 0; q < P->phases; q++)
-    if (P->given->given[q]) memset(columns + NB * (NI + q), 0, NB * sizeof(double));
+    if (P->given->given[q]) memset(columns + NB * q, 0, NB * sizeof(double));
   if (!at_boundary(P, i)) return;
   add_spheres(P, i, B);
   fix(P, i, B, columns);
 }
 
-/* The border's own part: curvature by the durations, and the integral rows. */
+/* The border's own part: curvature by the durations. */
 static void assemble_corner(const Problem *P, double shift) {
-  const int64_t w = P->width;
+  const int64_t w = P->phases;
   double *S = P->corner;
   memset(S, 0, w * w * sizeof(double));
-  for (int k = 0; k < NI; k++) {
-    const Single *G = P->single + k;
-    S[(w + 1) * k] = -1 / (G->upper * G->over);
-    for (int64_t q = 0; q < P->phases; q++)
-      S[w * (NI + q) + k] = durations(P, P->slope + k * size(P))[q];
-  }
-  for (int64_t q = 0; q < P->phases; q++) S[(w + 1) * (NI + q)] = shift;
+  for (int64_t q = 0; q < P->phases; q++) S[(w + 1) * q] = shift;
   for (int64_t i = 0; i < P->n; i++) {
     const Interval *I = P->interval + i;
     if (!I->moving) {
-      S[(w + 1) * (NI + I->phase)] += I->K[NK][NK];
+      S[(w + 1) * I->phase] += I->K[NK][NK];
       continue;
     }
     for (int64_t q = 0; q < P->phases; q++)
       for (int64_t s = 0; s <= q; s++)
         for (int a = 0; a <= NK; a++)
           for (int b = 0; b <= NK; b++)
-            S[w * (NI + q) + NI + s] +=
+            S[w * q + s] +=
                 rate_of(P, I, a, q) * symmetric(I, a, b) * rate_of(P, I, b, s);
   }
   for (int64_t q = 0; q < P->phases; q++) {
     if (!P->given->given[q]) continue;
-    for (int64_t k = 0; k < w; k++) S[w * (NI + q) + k] = S[w * k + NI + q] = 0;
-    S[(w + 1) * (NI + q)] = 1;
+    for (int64_t k = 0; k < w; k++) S[w * q + k] = S[w * k + q] = 0;
+    S[(w + 1) * q] = 1;
   }
 }
 
 /* What the elimination of the knot before leaves. */
 static void eliminate(const Problem *P, const Block *before, const double *columns_before, Block *B,
                       double *columns) {
-  for (int64_t w = 0; w < P->width; w++, columns += NB, columns_before += NB)
+  for (int64_t w = 0; w < P->phases; w++, columns += NB, columns_before += NB)
     for (int r = 0; r < NB; r++)
       for (int k = 0; k < NB; k++) columns[r] -= before->E[r][k] * columns_before[k];
   for (int r = 0; r < NB; r++)
@@ -190,10 +181,10 @@ static void eliminate(const Problem *P, const Block *before, const double *colum
 
 /* What the elimination of a knot leaves of the corner. */
 static void eliminate_corner(Problem *P, const double *columns) {
-  for (int64_t v = 0; v < P->width; v++)
+  for (int64_t v = 0; v < P->phases; v++)
     for (int64_t w = 0; w <= v; w++)
       for (int k = 0; k < NB; k++)
-        P->corner[P->width * v + w] -= columns[NB * v + k] * columns[NB * w + k];
+        P->corner[P->phases * v + w] -= columns[NB * v + k] * columns[NB * w + k];
 }
 
 static int factorise_once(Problem *P, double shift) {
@@ -204,7 +195,7 @@ static int factorise_once(Problem *P, double shift) {
     assemble(P, i, shift, B, columns);
     if (i > P->first) eliminate(P, B - 1, border(P, i - 1), B, columns);
     if (!cholesky(B->D)) return 0;
-    for (int64_t w = 0; w < P->width; w++) solve_lower(B->D, columns + NB * w);
+    for (int64_t w = 0; w < P->phases; w++) solve_lower(B->D, columns + NB * w);
     eliminate_corner(P, columns);
     for (int k = 0; k < NB && i < P->last; k++) solve_lower(B->D, B->E[k]);
   }
@@ -231,13 +222,13 @@ static int factorise_shifted(Problem *P, double *shift, double first) {
 /* Where the sum of all durations is given, the solution of the border that keeps it. */
 static void keep_sum(const Problem *P, double *rest) {
   double *x = P->along_sum, sum = 0, by_multiplier = 0;
-  for (int64_t k = 0; k < P->width; k++) x[k] = k < NI ? 0.0 : 1.0;
+  for (int64_t k = 0; k < P->phases; k++) x[k] = 1.0;
   solve_corner(P, x);
-  for (int64_t k = NI; k < P->width; k++) {
+  for (int64_t k = 0; k < P->phases; k++) {
     sum += rest[k];
     by_multiplier += x[k];
   }
-  for (int64_t k = 0; k < P->width; k++) rest[k] -= sum / by_multiplier * x[k];
+  for (int64_t k = 0; k < P->phases; k++) rest[k] -= sum / by_multiplier * x[k];
 }
 
 /* dz from the gradient g. */
@@ -245,8 +236,7 @@ static void newton_step(Problem *P) {
   const double begin = seconds();
   double *dz = P->dz, *rest = P->rest, *dT = durations(P, dz);
   for (int64_t i = 0; i < size(P); i++) dz[i] = -P->g[i];
-  for (int k = 0; k < NI; k++) rest[k] = 0;
-  for (int64_t q = 0; q < P->phases; q++) rest[NI + q] = dT[q];
+  for (int64_t q = 0; q < P->phases; q++) rest[q] = dT[q];
   for (int64_t i = P->first; i <= P->last; i++) {
     Block *B = P->block + i;
     double *x = dz + NB * i;
@@ -255,17 +245,17 @@ static void newton_step(Problem *P) {
       for (int r = 0; r < NB; r++)
         for (int k = 0; k < NB; k++) x[r] -= B[-1].E[r][k] * x[k - NB];
     solve_lower(B->D, x);
-    for (int64_t w = 0; w < P->width; w++)
+    for (int64_t w = 0; w < P->phases; w++)
       for (int k = 0; k < NB; k++) rest[w] -= columns[NB * w + k] * x[k];
   }
   solve_corner(P, rest);
   if (P->given->cost[2] != 0) keep_sum(P, rest);
-  for (int64_t q = 0; q < P->phases; q++) dT[q] = rest[NI + q];
+  for (int64_t q = 0; q < P->phases; q++) dT[q] = rest[q];
   for (int64_t i = P->last; i >= P->first; i--) {
     Block *B = P->block + i;
     double *x = dz + NB * i;
     const double *columns = border(P, i);
-    for (int64_t w = 0; w < P->width; w++)
+    for (int64_t w = 0; w < P->phases; w++)
       for (int k = 0; k < NB; k++) x[k] -= columns[NB * w + k] * rest[w];
     for (int k = 0; k < NB && i < P->last; k++)
       for (int r = 0; r < NB; r++) x[k] -= B->E[r][k] * x[NB + r];

@@ -33,9 +33,7 @@ def source(problem: PointProblem, points: int) -> str:
         "NR": problem.derivatives,
         "NY": problem.y.numel(),
         "NC": len(sides),
-        "NI": problem.integrands.numel(),
         "NL": problem.running.numel(),
-        "NA": problem.integrands.numel() + problem.running.numel(),
         "NP": problem.p.numel(),
         "NO": problem.own.numel(),
         "OWN": problem.place_of_own,
@@ -165,7 +163,7 @@ def _with_torques_eliminated(
     problem: PointProblem, loops: Sequence[_Loop]
 ) -> tuple[Entries, Entries, str]:
     """Derivatives of the rows, C, and of the weighted sum, H, by y, tau being a function of y; and
-    the C function ``second`` that finds them and the derivatives of all integrands.
+    the C function ``second`` that finds them and the derivatives of the running cost.
 
     With N the inverse of -∂force/∂tau, tau' = N ∂force/∂y, and the equations' multipliers chosen
     so that the sum does not change with tau:
@@ -188,7 +186,7 @@ def _with_torques_eliminated(
     rows |= {(row, a): [] for loop in loops for row in loop.alike.rows for a in X}
     C = {place: f"C[{k}]" for k, place in enumerate(sorted(p for p in rows if p[0] < nc))}
     lines += [f"{C[place]} = {_sum(rows[place])};" for place in C if rows[place]]
-    for k in range(problem.integrands.numel() + problem.running.numel()):
+    for k in range(problem.running.numel()):
         for a in range(ny):
             terms = rows.get((nc + k, a), [])
             lines.append(f"C[{len(C) + ny * k + a}] = {_sum(terms)};")

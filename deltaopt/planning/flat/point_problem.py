@@ -29,12 +29,11 @@ class PointFunctions:
     """Of all rows but those that are alike, in place of which there are zeros.
 
     ``prepare``: p -> q, parameters and what depends on them alone, but for those of each interval's
-    own. ``values``: (y, q) -> rows, T (integrands - 1) and T running, and e: tau and the inverse of
-    -∂force/∂tau by columns.
-    ``second``: (y, e, w, q) -> the nonzeros of the matrices that follow, by columns; w: weights of
-    rows and integrands.
+    own. ``values``: (y, q) -> rows, T running, and e: tau and the inverse of -∂force/∂tau by
+    columns. ``second``: (y, e, w, q) -> the nonzeros of the matrices that follow, by columns; w:
+    weights of rows and of T running.
 
-    Matrices: derivatives of the equations of motion by y; of rows and integrands by y and by tau;
+    Matrices: derivatives of the equations of motion by y; of rows and T running by y and by tau;
     of the weighted sum with the equations' adjoint by y twice (the upper triangle), by tau and y,
     and by tau twice; y and tau being independent.
     """
@@ -52,7 +51,7 @@ class PointFunctions:
 
 @dataclass(frozen=True, eq=False)
 class PointProblem:
-    """Equations of motion, constraint rows and integrands at a point, as symbolic expressions.
+    """Equations of motion, constraint rows and a running cost at a point, as symbolic expressions.
 
     ``y``: X, V, A (and J), ``coordinates`` each, then T, the duration of the phase: position and
     its derivatives by time in units of T, (coordinates * (derivatives + 1) + 1,).
@@ -61,7 +60,6 @@ class PointProblem:
     ``tau``: what the equations ``force`` = 0, as many and affine in them, determine; it is
     eliminated from all rows and from their derivatives.
     ``rows``: at most 1 or at least -1 or both, as ``sides`` says; they may be nonlinear in tau.
-    ``integrands``: their mean over the whole motion is at most 1.
     ``running``: the rate l of a running cost, any function of y, tau and p; none without one. What
     is minimised is then a weight times the duration plus another times the integral of l over it.
     ``p``: parameters, which may differ from phase to phase.
@@ -89,7 +87,6 @@ class PointProblem:
     force: ca.SX
     rows: ca.SX
     sides: tuple[Sides, ...]
-    integrands: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     running: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     saturating: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     strengths: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
@@ -132,7 +129,7 @@ class PointProblem:
         """
         inverse = _inverse(-ca.jacobian(self.force, self.tau))
         tau = inverse @ ca.substitute(self.force, self.tau, ca.SX.zeros(self.tau.numel()))
-        results = ca.substitute([self._others, self._integrals], [self.tau], [tau])
+        results = ca.substitute([self._others, self._integrand], [self.tau], [tau])
         results.append(ca.vertcat(tau, ca.vec(inverse)))
         arguments, matrices = self._partial_derivatives()
         nonzeros = [ca.vec(matrix.nz[:]) for matrix in matrices]
@@ -152,8 +149,8 @@ class PointProblem:
         y, tau = self.y, self.tau
         inverse = ca.SX.sym("inverse", tau.numel(), tau.numel())
         nu = ca.SX.sym("nu", tau.numel())
-        w = ca.SX.sym("w", self.rows.numel() + self._integrals.numel())
-        c = ca.vertcat(self._others, self._integrals)
+        w = ca.SX.sym("w", self.rows.numel() + self._integrand.numel())
+        c = ca.vertcat(self._others, self._integrand)
         adjoint = inverse.T @ ca.gradient(ca.dot(w, c), tau)
         curved = tau.numel() - self.straight
         lagrangian = ca.dot(ca.vertcat(nu[:curved], w), ca.vertcat(self.force[:curved], c))
@@ -191,10 +188,9 @@ class PointProblem:
         return rows
 
     @property
-    def _integrals(self) -> ca.SX:
-        """By the share of a phase's duration: nonpositive in sum where the mean of an integrand is
-        at most 1; last the rate of the running cost, if there is one."""
-        return self.y[-1] * ca.vertcat(self.integrands - 1, self.running)
+    def _integrand(self) -> ca.SX:
+        """The rate of the running cost, if there is one, by the share of a phase's duration."""
+        return self.y[-1] * self.running
 
 
 def dense_function(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> ca.Function:

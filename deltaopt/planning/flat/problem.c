@@ -4,7 +4,6 @@
                  or  w sum of T_q + v sum over q of integral l dt     with a running cost l
      subject to  lower_r <= c_r(y_j) <= upper_r          constraint rows, at every point j of every
                                                          interval; +1, -1, or no limit on that side
-                 sum over q of integral g_k dt <= sum of T_q                      integral rows
                  |x - centre|^2 <= radius^2                 spheres, each at one boundary
      y = (X, V, A[, J], T_q) at a point, linear in the knots of its interval
 
@@ -23,13 +22,11 @@
    phase beside it. So joints need no rows.
 
    With t a copy of c kept strictly inside the limits, c(y) - t = 0, and its multipliers and those
-   of the limits eliminated, Newton's equations are in the knots, the durations, and one multiplier
-   for each integral row. A running cost is one more such integral, whose multiplier is its weight:
-   it adds to curvature and gradient, and nothing to the system. This KKT system is block tridiagonal, a block for each knot, with a
-   border: a dense column for each integral row, then one for each duration; a sphere adds to the
-   block of its knot alone. Blocks are factorised
-   with Cholesky's method, the border with L D L^T, its signs being known: negative for integral
-   rows, positive for durations. Other signs tell that the step would not be one of descent.
+   of the limits eliminated, Newton's equations are in the knots and the durations; a running cost
+   adds to curvature and gradient. This KKT system is block tridiagonal, a block for each knot, with
+   a border: a dense column for each duration; a sphere adds to the block of its knot alone. Blocks
+   are factorised with Cholesky's method, the border with L D L^T. Where it is not positive definite
+   the step would not be one of descent.
 
    The text is in five files, compiled as one: this one, with what is stored; knots_and_points.c;
    rows.c; kkt_system.c; and interior_point.c, the steps of the method. Nothing in it is kept from
@@ -37,12 +34,12 @@
 
    Written for four points of an interval in the four lanes of a vector V. What comes before this
    text: V, ALL, EACH, EACH2, SHUFFLE; sizes; and generated functions. C is the sparse matrix of
-   derivatives of the rows by y, stored as its NZ nonzeros, row by row, and then the dense NA x NY
-   derivatives of the integrands T (g - 1) and of T l.
+   derivatives of the rows by y, stored as its NZ nonzeros, row by row, and then the dense NL x NY
+   derivatives of T l.
 
      NM, NR         coordinates, and unknowns for each at a knot
-     NY, NC, NI     numbers in y, constraint rows, integral rows
-     NL, NA         running costs, 0 or 1; NI + NL: integrals of both kinds
+     NY, NC         numbers in y, constraint rows
+     NL             running costs, 0 or 1
      NP, NQ         parameters, and numbers that depend on them alone
      NO, OWN        parameters of each interval's own, and where in p they begin
      NE             numbers that values keeps for second, the torques among them
@@ -54,7 +51,7 @@
      STATE(r)       whether row r depends on the position and velocity alone
 
      prepare(p, q)                        what depends on parameters alone
-     values(y, q, s, c, g, e)             rows, integrands T (g - 1) and T l, and e for second; of rows
+     values(y, q, s, c, g, e)             rows, the integrand T l, and e for second; of rows
                                           that are alike those alone whose s, as below, is not 0
      second(y, e, weights of c and g, q, s, C, H)  derivatives; H of the weighted sum
      scale_rows(C, s)                     multiply each row of C
@@ -139,7 +136,7 @@ typedef struct {
   V dt[NC], dupper[NC], dlower[NC];
   V moved[NC];                   /* t at the last trial */
   V bend_upper[NC], bend_lower[NC]; /* second-order part of slack times multiplier */
-  V C[NZ + NA * NY];             /* derivatives of rows and integrands by y */
+  V C[NZ + NL * NY];             /* derivatives of rows and running cost by y */
 } Group;                         /* of four points */
 
 typedef struct {
@@ -161,27 +158,27 @@ typedef struct {
 
 typedef struct {
   double c, t, next, moved, over, upper, dt, dupper, bend; /* as for a row with an upper limit */
-  double slope[NM];            /* of a sphere's row, by the position */
-  const double *centre;        /* of a sphere */
+  double slope[NM];            /* by the position */
+  const double *centre;
   double radius;
-  int64_t knot;                /* that is in a sphere; of no account for an integral row */
-} Single; /* a row of its own: an integral row or a sphere */
+  int64_t knot;                /* that is in it */
+} Sphere;
 
 typedef struct {
   const Given *given;
-  int64_t n, phases, width;      /* intervals, phases, columns of the border */
+  int64_t n, phases;             /* intervals; phases, each with a column of the border */
   int64_t first, last;           /* the first and last knot that is not wholly fixed */
   Interval *interval;            /* n */
   Block *block;                  /* n + 1 */
   V *prepared;                   /* phases x NQ */
-  double *border;                /* (n + 1) x width x NB */
-  double *corner, *pivot;        /* width x width, lower triangle: L; width: D */
+  double *border;                /* (n + 1) x phases x NB */
+  double *corner, *pivot;        /* phases x phases, lower triangle: L; phases: D */
   double *z, *dz, *trial, *g;    /* n + 1 knots, then the durations */
-  double *slope;                 /* NA x size of z: derivatives of the integrals by z */
-  double *rest, *along_sum;      /* width: the border's part of a right-hand side, of a solution; by a
+  double *slope;                 /* NL x size of z: derivatives of the running cost's integral by z */
+  double *rest, *along_sum;      /* phases: the border's part of a right-hand side, of a solution; by a
                                     multiplier of the sum of all durations */
-  int64_t singles;               /* rows of their own: NI integral rows, then spheres */
-  Single *single;
+  int64_t spheres;
+  Sphere *sphere;
   double mu, penalty;
   double run, next_run;          /* the integral of the running cost at z, at the trial */
   double unit;                   /* of what shifts are counted in: 1, or a running cost at first */
@@ -225,4 +222,4 @@ static double cost(const Problem *P, double *z, double run) {
 static double duration_of(const Problem *P, const Interval *I, double *z) {
   return durations(P, z)[I->phase];
 }
-static double *border(const Problem *P, int64_t knot) { return P->border + knot * P->width * NB; }
+static double *border(const Problem *P, int64_t knot) { return P->border + knot * P->phases * NB; }

@@ -1,4 +1,4 @@
-/* Constraint rows and integral rows at the points, spheres, and their derivatives by the knots. */
+/* Constraint rows and the running cost at the points, spheres, and their derivatives by the knots. */
 
 /* From shares of the limits to shares of what may be used of them, or multipliers back. */
 static void scale(const Interval *I, V *c) {
@@ -29,33 +29,27 @@ static const V *parameters(Problem *P, const Interval *I) {
   return q;
 }
 
-/* Rows at the points of interval i as shares of what may be used of the limits; to the integrals
-   its part of them. */
+/* Rows at the points of interval i as shares of what may be used of the limits; to the integral of
+   the running cost its part of it. */
 static void rows(Problem *P, int64_t i, Group *G, const double *knots, double T, V *c) {
   const Interval *I = P->interval + i;
-  V y[NY], g[NA];
+  V y[NY], g[NL];
   at_points(G, knots, T, y);
   values(y, parameters(P, I), I->scale, c, g, G->e);
   scale(I, c);
   leave_out_given(P, I, G, c);
-  for (int k = 0; k < NI; k++) P->single[k].next += sum(G->integral * g[k]);
-  if (NL) P->next_run += sum(G->integral * g[NI]);
-}
-
-/* The multiplier of an integral: that of its row, or the weight of the running cost. */
-static double price(const Problem *P, int k) {
-  return k < NI ? P->single[k].upper : P->given->cost[1];
+  if (NL) P->next_run += sum(G->integral * g[0]);
 }
 
 /* Curvature of the Lagrangian with t eliminated, by y; the rows are known from the trial that
    led here, or from the beginning. */
 static void differentiate(Problem *P, const Interval *I, Group *G, const double *knots,
                           V S[NY][NY]) {
-  V y[NY], weight[NC + NA], stiffness[NC], H[NH];
+  V y[NY], weight[NC + NL], stiffness[NC], H[NH];
   at_points(G, knots, duration_of(P, I, P->z), y);
   memcpy(weight, G->y, sizeof G->y);
   scale(I, weight);
-  for (int k = 0; k < NA; k++) weight[NC + k] = price(P, k) * G->integral;
+  for (int k = 0; k < NL; k++) weight[NC + k] = P->given->cost[1] * G->integral;
   second(y, G->e, weight, parameters(P, I), I->scale, G->C, H);
   scale_rows(G->C, I->scale);
   for (int r = 0; r < NC; r++)
@@ -89,8 +83,8 @@ static void local_gradient(const Problem *P, const Interval *I, double *g) {
     const Group *G = I->group + j;
     V m[NY];
     across_rows(G->C, G->y, m);
-    for (int k = 0; k < NA; k++)
-      for (int a = 0; a < NY; a++) m[a] += price(P, k) * G->integral * G->C[NZ + NY * k + a];
+    for (int k = 0; k < NL; k++)
+      for (int a = 0; a < NY; a++) m[a] += P->given->cost[1] * G->integral * G->C[NZ + NY * k + a];
     for (int a = 0; a < NK; a++) g[a] += sum(at_knot(G, m, a / NM, a % NM));
   }
 }
@@ -106,7 +100,7 @@ static void curvature(Problem *P, int64_t i) {
     differentiate(P, I, G, knots, S);
     add_curvature(G, S, I->K);
     by_T += sum(S[NY - 1][NY - 1]);
-    for (int k = 0; k < NA; k++) {
+    for (int k = 0; k < NL; k++) {
       V m[NY];
       for (int a = 0; a < NY; a++) m[a] = G->integral * G->C[NZ + NY * k + a];
       add_to_gradient(P, i, G, m, P->slope + k * size(P));
@@ -135,7 +129,7 @@ static void measure(Group *G, int r) {
 
 /* ---- spheres: (distance of a position from a centre / radius)^2 <= 1 ---- */
 
-static double in_sphere(const Single *B, const double *z) {
+static double in_sphere(const Sphere *B, const double *z) {
   double square = 0;
   for (int k = 0; k < NM; k++) {
     const double away = (z[NB * B->knot + k] - B->centre[k]) / B->radius;
@@ -144,51 +138,29 @@ static double in_sphere(const Single *B, const double *z) {
   return square;
 }
 
-static void set_slope(Single *B, const double *z) {
+static void set_slope(Sphere *B, const double *z) {
   for (int k = 0; k < NM; k++)
     B->slope[k] = 2 * (z[NB * B->knot + k] - B->centre[k]) / (B->radius * B->radius);
 }
 
-/* The derivative of an integral along dz. */
-static double along_integral(const Problem *P, int64_t k, const double *dz) {
-  double total = 0;
-  for (int64_t a = 0; a < size(P); a++) total += P->slope[k * size(P) + a] * dz[a];
-  return total;
-}
-
-/* That of what is minimised. */
+/* The derivative of what is minimised along dz. */
 static double cost_along(const Problem *P, double *dz) {
-  return cost(P, dz, NL ? along_integral(P, NI, dz) : 0.0);
+  double run = 0;
+  for (int64_t a = 0; NL && a < size(P); a++) run += P->slope[a] * dz[a];
+  return cost(P, dz, run);
 }
 
-/* Add a multiple of the derivatives of an integral to a gradient. */
-static void add_integral(const Problem *P, int64_t k, double factor, double *g) {
-  for (int64_t a = 0; a < size(P); a++) g[a] += factor * P->slope[k * size(P) + a];
-}
-
-/* The derivative of a row of its own along dz. */
-static double along(const Problem *P, int64_t k, const double *dz) {
+/* The derivative of a sphere's row along dz. */
+static double along(const Sphere *B, const double *dz) {
   double total = 0;
-  if (k < NI) return along_integral(P, k, dz);
-  const Single *B = P->single + k;
   for (int j = 0; j < NM; j++) total += B->slope[j] * dz[NB * B->knot + j];
   return total;
 }
 
-/* Add a multiple of the derivatives of a row of its own to a gradient. */
-static void add_single(const Problem *P, int64_t k, double factor, double *g) {
-  if (k < NI) {
-    add_integral(P, k, factor, g);
-    return;
-  }
-  const Single *B = P->single + k;
-  for (int j = 0; j < NM; j++) g[NB * B->knot + j] += factor * B->slope[j];
-}
-
 /* What the spheres of a knot add to its block: their curvature and their stiffness. */
 static void add_spheres(const Problem *P, int64_t knot, Block *block) {
-  for (int64_t b = NI; b < P->singles; b++) {
-    const Single *B = P->single + b;
+  for (int64_t b = 0; b < P->spheres; b++) {
+    const Sphere *B = P->sphere + b;
     if (B->knot != knot) continue;
     for (int r = 0; r < NM; r++) {
       block->D[r][r] += 2 * B->upper / (B->radius * B->radius);

@@ -185,11 +185,6 @@ def jerks(now: Instant, limit: float = 12.0) -> list[Row]:
     return torques(3.0)(now) + [Row(now.j[k] / limit) for k in range(now.j.numel())]
 
 
-def mean_square(now: Instant) -> ca.SX:
-    """Of both torques, over a bound that is the second parameter."""
-    return ca.sumsqr(now.tau) / now.p[1]
-
-
 def squared_torques(now: Instant) -> ca.SX:
     return ca.sumsqr(now.tau)
 
@@ -218,11 +213,6 @@ CASES = {
         [rest(0.0, 0.0), rest(1.0, 0.1)],
         watched=(2,),
     ),
-    "integral": Case(
-        System(2, 2, arm, torques(6.0), mean_square),
-        [leg(12, 1.5, 0.7, 20.0)],
-        [rest(*LEFT), rest(*RIGHT)],
-    ),
     "jerk": Case(
         System(3, 3, particle, jerks),
         [leg(8, 2.0, 1.0)],
@@ -247,8 +237,8 @@ CASES = {
         [rest(*LEFT), near((0.1, 1.5), (1.0, 0.0), 0.05), rest(*RIGHT)],
     ),
     "through spheres with limits of jerk, from one": Case(
-        System(2, 3, arm, lambda now: torques(6.0)(now) + jerks(now, 25.0)[2:], mean_square),
-        [leg(6, 1.0, 0.7, 25.0), leg(4, 1.0, 0.7, 25.0), leg(5, 1.0, 0.3, 25.0)],
+        System(2, 3, arm, lambda now: torques(6.0)(now) + jerks(now, 25.0)[2:]),
+        [leg(6, 1.0, 0.7), leg(4, 1.0, 0.7), leg(5, 1.0, 0.3)],
         [
             replace(rest(*LEFT), fixed=np.repeat([[False], [True], [True]], 2, 1), radius=0.02),
             near((-0.2, 1.5), (1.0, 0.0), 0.05),
@@ -271,9 +261,9 @@ CASES = {
         [rest(0.0), met((0.8,), (0.1,)), met((1.0,), (0.2,))],
     ),
     "all at once": Case(
-        System(2, 2, arm, powers, mean_square),
-        [leg(8, 1.6, 0.7, 25.0), leg(7, 1.6, 0.3, 25.0)],
-        [started(LEFT, (0.3, -0.4)), passed((0.1, 1.5), (1.0, 0.0)), met((0.9, 0.9), (-0.2, 0.3))],
+        System(2, 2, arm, powers),
+        [leg(8, 1.6, 0.7), leg(7, 1.6, 0.3)],
+        [started(LEFT, (0.3, -0.2)), passed((0.1, 1.5), (1.0, 0.0)), met((0.9, 0.9), (-0.2, 0.3))],
         watched=(2, 3),
     ),
     "effort far from all limits": Case(
@@ -290,15 +280,15 @@ CASES = {
         weights=(3.0, 0.02),
     ),
     "effort in two phases past a moving goal, within a power": Case(
-        System(2, 2, arm, powers, mean_square, squared_torques),
-        [leg(8, 1.6, 0.7, 25.0), leg(7, 1.6, 0.3, 25.0)],
+        System(2, 2, arm, powers, running=squared_torques),
+        [leg(8, 1.6, 0.7), leg(7, 1.6, 0.3)],
         [started(LEFT, (0.3, -0.4)), passed((0.1, 1.5), (1.0, 0.0)), met((0.9, 0.9), (-0.2, 0.3))],
         watched=(2, 3),
         weights=(10.0, 0.01),
     ),
     "effort in a given time from phase to phase": Case(
-        System(2, 2, arm, torques(6.0), mean_square, squared_torques),
-        [leg(6, 1.0, 0.7, 25.0), leg(5, 0.6, 0.7, 25.0), leg(6, 0.9, 0.3, 25.0)],
+        System(2, 2, arm, torques(6.0), running=squared_torques),
+        [leg(6, 1.0, 0.7), leg(5, 0.6, 0.7), leg(6, 0.9, 0.3)],
         [
             rest(*LEFT),
             passed((-0.2, 1.5), (1.0, 0.0)),
@@ -341,7 +331,6 @@ def point_problem(system: System, parameters: int) -> PointProblem:
         force=system.force(now),
         rows=ca.vertcat(*(row.quantity for row in rows)) if rows else ca.SX(0, 1),
         sides=tuple(sides[row.upper, row.lower] for row in rows),
-        integrands=system.integrands(now),
         running=ca.SX(0, 1) if system.running is None else system.running(now),
     )
 
@@ -412,7 +401,6 @@ def test_durations_and_costs_are_those_of_ipopt(name):
     np.testing.assert_allclose(durations, theirs, rtol=1e-7)
     for row in case.watched:
         assert max(abs(phase.multipliers[:, :, row]).max() for phase in ours.phases) > 1e-3
-    assert (ours.integral_multipliers > 1e-3).all() or case.weights != (1.0, 0.0)
     has_sphere = np.array([end.radius > 0 for end in case.ends])
     assert (ours.sphere_multipliers[has_sphere] > 1e-6).all()
     assert (ours.sphere_multipliers[~has_sphere] == 0).all()
@@ -465,15 +453,6 @@ def test_multipliers_are_durations_by_limits(name, row):
 
     expected = sum(abs(phase.multipliers[:, :, row]).sum() for phase in solved(name).phases)
     assert shorter_by(name, more) == pytest.approx(little * expected, rel=2e-3)
-
-
-def test_multiplier_of_an_integral_is_duration_by_its_bound():
-    """The integral row is the integral of (g - 1), g inversely proportional to the bound."""
-    little = 1e-5
-    found = solved("integral")
-    expected = little * found.integral_multipliers[0] * found.phases[0].duration
-    shorter = shorter_by("integral", lambda p: replace(p, p=p.p * [1.0, 1 + little]))
-    assert shorter == pytest.approx(expected, rel=2e-3)
 
 
 def test_multiplier_of_a_sphere_is_duration_by_its_squared_radius():
@@ -532,12 +511,12 @@ PROBE = """
 #endif
 void probe(const double *y, const double *p, const double *w, const double *s,
            double *c, double *C, double *m, double *S) {
-  V Y[NY], P[NP], q[NQ], r[NC + NA + 1], e[NE], W[NC + NA], D[NZ + NA * NY], H[NH], K[NY][NY];
+  V Y[NY], P[NP], q[NQ], r[NC + NL + 1], e[NE], W[NC + NL], D[NZ + NL * NY], H[NH], K[NY][NY];
   V stiffness[NC], across[NY];
   double scale[NC];
   for (int a = 0; a < NY; a++) Y[a] = ALL(y[a]);
   for (int k = 0; k < NP; k++) P[k] = ALL(p[k]);
-  for (int k = 0; k < NC + NA; k++) W[k] = ALL(w[k]);
+  for (int k = 0; k < NC + NL; k++) W[k] = ALL(w[k]);
   for (int k = 0; k < NC; k++) stiffness[k] = ALL(s[k]);
   for (int k = 0; k < NC; k++) scale[k] = LEFT_OUT != k;
   prepare(P, q);
@@ -545,14 +524,14 @@ void probe(const double *y, const double *p, const double *w, const double *s,
   second(Y, e, W, q, scale, D, H);
   curvature_of_rows(D, H, stiffness, K);
   across_rows(D, W, across);
-  for (int k = 0; k < NC + NA; k++) c[k] = r[k][0];
+  for (int k = 0; k < NC + NL; k++) c[k] = r[k][0];
   for (int a = 0; a < NY; a++) {
     V unit[NY], along[NC];
     for (int b = 0; b < NY; b++) unit[b] = ALL(a == b ? 1.0 : 0.0);
     for (int k = 0; k < NC; k++) along[k] = ALL(0.0);
     along_rows(D, unit, along);
     for (int k = 0; k < NC; k++) C[NY * k + a] = along[k][0];
-    for (int k = 0; k < NA; k++) C[NY * (NC + k) + a] = D[NZ + NY * k + a][0];
+    for (int k = 0; k < NL; k++) C[NY * (NC + k) + a] = D[NZ + NY * k + a][0];
     m[a] = across[a][0];
     for (int b = 0; b < NY; b++) S[NY * a + b] = K[a][b][0];
   }
@@ -563,7 +542,7 @@ void probe(const double *y, const double *p, const double *w, const double *s,
 
 @dataclass(frozen=True)
 class Probe:
-    """Generated code at y, with weights of rows and integrands and stiffnesses of rows."""
+    """Generated code at y, with weights of rows and of a running cost, and stiffnesses of rows."""
 
     code: ctypes.CDLL
     p: Array
@@ -572,7 +551,7 @@ class Probe:
     ny: int
 
     def __call__(self, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Rows and integrands c; C; C^T w of the rows; H + C^T diag(s) C."""
+        """Rows, and T times the running cost, c; C; C^T w of the rows; H + C^T diag(s) C."""
         sizes = (len(self.weights), len(self.weights) * self.ny, self.ny, self.ny**2)
         results = [np.empty(size) for size in sizes]
         arrays = [y, self.p, self.weights, self.stiffness, *results]
@@ -581,7 +560,7 @@ class Probe:
         return c, C.reshape(-1, self.ny), m, S.reshape(self.ny, self.ny)
 
 
-PROBED = ["power", "all at once", "jerk", "floor", "integral", "time and effort", "smoothness"]
+PROBED = ["power", "all at once", "jerk", "floor", "time and effort", "smoothness"]
 
 
 @pytest.mark.parametrize("name", PROBED)
@@ -591,7 +570,7 @@ def test_derivatives_are_those_of_the_values(name):
     built = library(source(problem, 4) + PROBE)
     rng = np.random.default_rng(4)
     nc, m = len(problem.sides), problem.coordinates
-    ni = problem.integrands.numel() + problem.running.numel()
+    ni = problem.running.numel()
     y = rng.normal(size=problem.y.numel())
     y[:m], y[-1] = rng.uniform(0.3, 0.8, m), 1.3
     p, weights = rng.uniform(0.5, 1.5, problem.p.numel()), rng.normal(size=nc + ni)
@@ -709,7 +688,7 @@ def test_rows_see_the_torques_that_move_the_mass(name):
 
 def test_threads_get_what_one_alone_gets():
     """Eight threads, problems of different sizes in turn: bitwise the same."""
-    names = ["power", "two phases", "integral", "floor"] * 24
+    names = ["power", "two phases", "time and effort", "floor"] * 24
 
     def knots(name: str) -> bytes:
         phases = solved(name, Settings()).phases
