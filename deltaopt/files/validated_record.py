@@ -7,7 +7,7 @@ unit and its range are written once, where the field is declared.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from functools import cached_property, lru_cache
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -54,6 +54,12 @@ Text = Annotated[str, Field(strict=True, min_length=1)]
 Vector3 = tuple[float, float, float]
 PerMotor = Positive | tuple[Positive, Positive, Positive]
 """One positive number for all three motors, or one for each."""
+
+
+def vector3(values: Iterable[float]) -> Vector3:
+    """Three numbers, such as those of an array, as a vector."""
+    x, y, z = map(float, values)
+    return x, y, z
 
 
 def per_motor(limit: float | Vector3) -> Vector3:

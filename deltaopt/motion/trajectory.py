@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
-from deltaopt.files.validated_record import Vector3
+from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.problem.problem import Problem
 from deltaopt.robot.machine import Model
@@ -200,7 +200,7 @@ class Trajectory:
             self,
             position=self.position.slowed(factor),
             coordinates=coordinates,
-            end_velocities=(_divided(before, factor), _divided(after, factor)),
+            end_velocities=(vector3(np.divide(before, factor)), vector3(np.divide(after, factor))),
         )
 
     def _motion(self, t: Array, x: Array, v: Array, a: Array) -> Motion:
@@ -208,11 +208,6 @@ class Trajectory:
         tau = self.model.inverse_dynamics(x, v, a)
         motors = self.model.functions.motors
         return Motion(t, x, v, a, q[:, motors], dq[:, motors], ddq[:, motors], tau, self)
-
-
-def _divided(velocity: Vector3, factor: float) -> Vector3:
-    x, y, z = velocity
-    return x / factor, y / factor, z / factor
 
 
 def moving_on(problem: Problem, trajectory: Trajectory) -> Trajectory:
@@ -254,8 +249,8 @@ def phase_durations(problem: Problem, trajectory: Trajectory) -> tuple[float, ..
 def goal_of(problem: Problem, trajectory: Trajectory) -> Boundary:
     """The state that a motion is to end in: on a belt it depends on the motion's duration, and at
     rest anywhere it is where the motion ends."""
-    x, y, z = trajectory.position.at(trajectory.knots[-1:])[0].tolist()
-    return problem.goal.at(trajectory.duration, (x, y, z))
+    reached = vector3(trajectory.position.at(trajectory.knots[-1:])[0])
+    return problem.goal.at(trajectory.duration, reached)
 
 
 def ends_of(problem: Problem, trajectory: Trajectory) -> Array:

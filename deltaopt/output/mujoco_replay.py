@@ -18,7 +18,7 @@ import numpy as np
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import installed
-from deltaopt.files.validated_record import Vector3
+from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.mjcf import mjcf
 from deltaopt.robot.model import DeltaModel
@@ -141,8 +141,8 @@ def replay_in_mujoco(trajectory: Trajectory, counts: Sequence[int] | None = None
     Raises MissingPackage.
     """
     model = trajectory.model
-    x, y, z = trajectory.path_inside([0.0])[0][0].tolist()
-    there = InMujoco.of(as_delta(model.robot), model.payload, (x, y, z))
+    start = vector3(trajectory.path_inside([0.0])[0][0])
+    there = InMujoco.of(as_delta(model.robot), model.payload, start)
     counts = counts or STEPS
     misses = tuple(there.miss(trajectory, count) for count in counts)
     return MujocoReplay(tuple(trajectory.duration / count for count in counts), misses)

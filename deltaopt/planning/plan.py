@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from deltaopt.files.validated_record import Vector3
+from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.later import loaded
 from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.limit_sensitivity import (
@@ -170,8 +170,7 @@ class Plan:
     @property
     def reached(self) -> Vector3:
         """Where the platform is at the end, m."""
-        x, y, z = self.trajectory.position.at(self.trajectory.knots[-1:])[0].tolist()
-        return x, y, z
+        return vector3(self.trajectory.position.at(self.trajectory.knots[-1:])[0])
 
     @property
     def phases(self) -> tuple[float, ...]:

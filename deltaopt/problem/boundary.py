@@ -7,7 +7,7 @@ from typing import Self
 
 import numpy as np
 
-from deltaopt.files.validated_record import Vector3
+from deltaopt.files.validated_record import Vector3, vector3
 
 REST = (0.0, 0.0, 0.0)
 _FIXED = (False, False, False)
@@ -59,5 +59,5 @@ class Boundary:
             return Boundary(reached, self.velocity)  # at rest
         if not self.moves:
             return self
-        x, y, z = np.add(self.position, np.multiply(duration, self.belt)).tolist()
-        return Boundary((x, y, z), self.velocity)
+        there = np.add(self.position, np.multiply(duration, self.belt))
+        return Boundary(vector3(there), self.velocity)

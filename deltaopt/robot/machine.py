@@ -27,6 +27,7 @@ from deltaopt.files.validated_record import (
     Record,
     Vector3,
     per_motor,
+    vector3,
 )
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.robot.drive import Drive
@@ -157,8 +158,7 @@ class Machine(Record):
 
 def _least(speed: PerMotor, end_of_curve: float) -> Vector3:
     """The lesser of two speeds for each motor."""
-    first, second, third = (min(each, end_of_curve) for each in per_motor(speed))
-    return first, second, third
+    return vector3(min(each, end_of_curve) for each in per_motor(speed))
 
 
 @dataclass(frozen=True)

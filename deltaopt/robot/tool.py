@@ -9,7 +9,7 @@ from pydantic import Field, create_model, model_validator
 
 from deltaopt.errors import SceneError
 from deltaopt.files.units import EXTENT, LENGTH, MASS, WIDTH
-from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Vector3
+from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Vector3, vector3
 
 Point = Annotated[tuple[Number, Number, Number], LENGTH]
 Corner = Annotated[tuple[Number, Number, Number], EXTENT]
@@ -57,14 +57,13 @@ class Box(FromTo):  # type: ignore[misc]  # made by pydantic
     @property
     def centre(self) -> Vector3:
         """The middle, m."""
-        a, b, c = ((p + q) / 2 for p, q in zip(getattr(self, "from"), self.to, strict=True))
-        return a, b, c
+        return vector3((p + q) / 2 for p, q in zip(getattr(self, "from"), self.to, strict=True))
 
     @property
     def half(self) -> Vector3:
         """Half of the lengths of its sides, m."""
-        a, b, c = (abs(p - q) / 2 for p, q in zip(getattr(self, "from"), self.to, strict=True))
-        return a, b, c
+        ends = zip(getattr(self, "from"), self.to, strict=True)
+        return vector3(abs(p - q) / 2 for p, q in ends)
 
 
 class Along(FromTo):  # type: ignore[misc]  # made by pydantic
@@ -86,8 +85,7 @@ class Along(FromTo):  # type: ignore[misc]  # made by pydantic
     @property
     def centre(self) -> Vector3:
         """The middle of the line, m."""
-        a, b, c = ((p + q) / 2 for p, q in zip(*self.ends, strict=True))
-        return a, b, c
+        return vector3((p + q) / 2 for p, q in zip(*self.ends, strict=True))
 
     @property
     def length(self) -> float:

@@ -23,7 +23,7 @@ from pydantic import Field, model_validator
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError, in_words
 from deltaopt.files.units import RATIO
-from deltaopt.files.validated_record import Number, Record, Vector3
+from deltaopt.files.validated_record import Number, Record, Vector3, vector3
 from deltaopt.robot.solids import ALONG_THE_BASE, MOST_TRIANGLES, Axes, Convex, Polytope, Solid
 from deltaopt.robot.tool import (
     POINT,
@@ -98,7 +98,7 @@ class Hull(Record):
     @property
     def centre(self) -> Vector3:
         """The mean of its points, m."""
-        return _vector(np.mean(self.points, axis=0))
+        return vector3(np.mean(self.points, axis=0))
 
     @model_validator(mode="after")
     def _has_volume(self) -> Self:
@@ -196,8 +196,8 @@ def _box_about(corners: Array, axes: Array, radius: float) -> Solid:
     """The smallest box about points (N, 3), m, along some axes, grown by a radius."""
     along = corners @ axes.T
     low, high = along.min(axis=0), along.max(axis=0)
-    first, second, third = (_vector(axis) for axis in axes)
-    centre, half = _vector((low + high) / 2 @ axes), _vector((high - low) / 2)
+    first, second, third = map(vector3, axes)
+    centre, half = vector3((low + high) / 2 @ axes), vector3((high - low) / 2)
     return Solid((first, second, third), centre, half, False, radius)
 
 
@@ -227,7 +227,7 @@ def _sum(
         return _upright(body, moved, hypot(*spread[0])).grown(radius)
     if isinstance(body, Box) and all(np.count_nonzero(side) <= 1 for side in spread):
         half = np.array(body.half) + np.abs(spread).sum(axis=0)
-        return Solid(ALONG_THE_BASE, _plus(body.centre, moved), _vector(half), False, radius)
+        return Solid(ALONG_THE_BASE, _plus(body.centre, moved), vector3(half), False, radius)
     corners = _corners(body)[:, None] + _ends(spread) + np.array(moved)
     return _polytope(corners.reshape(-1, 3), radius)
 
@@ -246,7 +246,7 @@ def _alone(
     if isinstance(body, HalfSpace):
         normal = np.array(body.normal) / hypot(*body.normal)
         middle = np.array(body.point) + np.array(moved) + (_LARGE - reach) * normal
-        return Solid(_axes_with(normal), _vector(middle), (_LARGE, _LARGE, _LARGE), False, 0.0)
+        return Solid(_axes_with(normal), vector3(middle), (_LARGE, _LARGE, _LARGE), False, 0.0)
     return _polytope(np.array(body.points) + np.array(moved), 0.0)
 
 
@@ -266,7 +266,7 @@ def _of_tool(shape: Box | Capsule, centre: Vector3) -> Solid:
 
 def _polytope(points: Array, radius: float) -> Polytope:
     triangles = tuple(
-        (_vector(a), _vector(b), _vector(c)) for a, b, c in points[convex_hull(points)]
+        (vector3(a), vector3(b), vector3(c)) for a, b, c in points[convex_hull(points)]
     )
     return Polytope(triangles, radius)
 
@@ -308,17 +308,12 @@ def _axes_with(third: Array) -> Axes:
     first = np.eye(3)[np.argmin(np.abs(third))]
     second = np.cross(third, first)
     second = second / hypot(*second)
-    return _vector(np.cross(second, third)), _vector(second), _vector(third)
+    return vector3(np.cross(second, third)), vector3(second), vector3(third)
 
 
 def _plus(one: Vector3, other: Vector3) -> Vector3:
-    return _vector(np.add(one, other))
+    return vector3(np.add(one, other))
 
 
 def _negative(one: Vector3) -> Vector3:
-    return _vector(-np.array(one))
-
-
-def _vector(values: Array) -> Vector3:
-    a, b, c = values.tolist()
-    return a, b, c
+    return vector3(-np.array(one))

@@ -17,6 +17,7 @@ from deltaopt.files.validated_record import (
     Record,
     Vector3,
     per_motor,
+    vector3,
 )
 from deltaopt.scene.approach import Approach
 from deltaopt.scene.moving_ends import Anywhere, Belt, End, Start, State, content_of_end
@@ -203,5 +204,4 @@ def start_after(goal: End) -> Start | None:
 
 
 def _moved(at: Vector3, velocity: Vector3, duration: float) -> Vector3:
-    x, y, z = np.add(at, np.multiply(duration, velocity)).tolist()
-    return x, y, z
+    return vector3(np.add(at, np.multiply(duration, velocity)))

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from deltaopt.errors import EndMoves, in_words
-from deltaopt.files.validated_record import Vector3
+from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.scene.path import GivenPath, Path
 
 REST = (0.0, 0.0, 0.0)
@@ -45,8 +45,8 @@ class MovingPoint:
 
     def at(self, duration: float, reached: Vector3) -> EndState:
         """The point and its velocity after ``duration`` (s)."""
-        x, y, z = np.add(self.position, np.multiply(duration, self.velocity)).tolist()
-        return EndState((x, y, z), self.velocity)
+        there = np.add(self.position, np.multiply(duration, self.velocity))
+        return EndState(vector3(there), self.velocity)
 
     @property
     def description(self) -> str:
@@ -218,8 +218,7 @@ class OnPath:
         if not speed:
             return EndState(position)
         s = self.path.knots[[0, -1]][end]
-        x, y, z = (self.path(s, 1)[0] * self.rates[end]).tolist()
-        return EndState(position, (x, y, z))
+        return EndState(position, vector3(self.path(s, 1)[0] * self.rates[end]))
 
 
 Task = RestToRest | MovingEnds | OnPath

@@ -17,6 +17,7 @@ import numpy as np
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
+from deltaopt.files.validated_record import vector3
 from deltaopt.motion.running_cost import squared_torques
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.plan import Plan
@@ -95,6 +96,6 @@ def _at(prices: Array, found: CyclePlan, leg: Plan) -> Plan:
     """A leg's plan for what it has the least of at some prices."""
     if not prices.any():
         return leg
-    a, b, c = (prices / _squared_limits(found.cycle) / (1 - prices.sum())).tolist()
-    scene = leg.scene.model_copy(update={"objective": TimeAndEfforts(effort=(a, b, c))})
+    effort = vector3(prices / _squared_limits(found.cycle) / (1 - prices.sum()))
+    scene = leg.scene.model_copy(update={"objective": TimeAndEfforts(effort=effort)})
     return replace(leg, scene=scene, gap=leg.gap + found.gap)

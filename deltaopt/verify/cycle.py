@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.files.validated_record import Vector3
+from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import model_of
 from deltaopt.scene.moving_ends import Belt, End, State
@@ -52,8 +52,7 @@ class CycleVerification:
         was not evaluated."""
         if self.duty is None:
             return None
-        a, b, c = (motor.rms_torque for motor in self.duty.motors)
-        return a, b, c
+        return vector3(motor.rms_torque for motor in self.duty.motors)
 
     @property
     def distances(self) -> tuple[Distance, ...]:

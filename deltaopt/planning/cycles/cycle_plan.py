@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.files.validated_record import Vector3
+from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.later import loaded
 from deltaopt.motion.motion_sequence import MotionSequence, waiting
 from deltaopt.motion.running_cost import squared_torques
@@ -109,8 +109,7 @@ class CyclePlan:
     @property
     def rms_torque(self) -> Vector3:
         """The root of the mean square of each motor's torque over the period, N·m."""
-        a, b, c = np.sqrt(self.squares / self.period).tolist()
-        return a, b, c
+        return vector3(np.sqrt(self.squares / self.period))
 
     @property
     def in_words(self) -> str:

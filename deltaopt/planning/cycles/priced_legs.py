@@ -18,6 +18,7 @@ from deltaopt.errors import (
     SceneError,
     if_possible,
 )
+from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.motion.running_cost import squared_torques
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
@@ -107,8 +108,7 @@ class PricedLegs:
 
     def objective(self, prices: Array) -> Objective:
         """That of each leg."""
-        a, b, c = (self.motors(prices) / self.time(prices)).tolist()
-        return TimeAndEfforts(effort=(a, b, c))
+        return TimeAndEfforts(effort=vector3(self.motors(prices) / self.time(prices)))
 
     def planned(
         self, objective: Objective, before: CyclePlan | None, *, afresh: bool = False
@@ -300,11 +300,10 @@ class PricedLegs:
             return found
         return np.asarray(prices + (found - prices) * ((1 - _LEFT) / (1 - left)))
 
-    def gained(self, prices: Array) -> tuple[float, float, float]:
+    def gained(self, prices: Array) -> Vector3:
         """By what share the period falls for each of a motor's RMS torque more; of the heat in a
         given period."""
-        a, b, c = (2 * prices[-3:]).tolist()
-        return a, b, c
+        return vector3(2 * prices[-3:])
 
     def require_priced(self, fastest: CyclePlan) -> None:
         """Raise where the fastest legs take longer than a given period, or nothing but their speed

@@ -14,7 +14,7 @@ import numpy as np
 
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial, quintic_rest
 from deltaopt.errors import RULED_OUT, if_possible
-from deltaopt.files.validated_record import Vector3
+from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.motion.loads import sizes_at
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
@@ -160,12 +160,12 @@ def from_rest(scene: Scene, place: Vector3) -> Scene:
 
 def start_of(position: PiecewisePolynomial) -> Vector3:
     """Where a motion begins, m."""
-    return _place(position.at(position.knots[:1])[0])
+    return vector3(position.at(position.knots[:1])[0])
 
 
 def end_of(position: PiecewisePolynomial) -> Vector3:
     """Where a motion ends, m."""
-    return _place(position.at(position.knots[-1:])[0])
+    return vector3(position.at(position.knots[-1:])[0])
 
 
 def _onwards(scene: Scene, before: PiecewisePolynomial) -> Iterator[Trajectory]:
@@ -219,18 +219,13 @@ def _ends(start: EndState, task: MovingEnds, duration: float) -> tuple[EndState,
 def _stopped(start: EndState, duration: float) -> Vector3:
     """Where a state gets to that comes to rest in a duration (s), its acceleration symmetric in
     time, m."""
-    return _place(np.array(start.position) + np.array(start.velocity) * duration / 2)
+    return vector3(np.array(start.position) + np.array(start.velocity) * duration / 2)
 
 
 def _begun(goal: EndState, duration: float) -> Vector3:
     """Where a motion begins at rest that passes the goal after a duration (s), its acceleration
     symmetric in time, m."""
-    return _place(np.array(goal.position) - np.array(goal.velocity) * duration / 2)
-
-
-def _place(coordinates: Array) -> Vector3:
-    x, y, z = coordinates.tolist()
-    return x, y, z
+    return vector3(np.array(goal.position) - np.array(goal.velocity) * duration / 2)
 
 
 def _quintic(scene: Scene, states: States) -> Trajectory | None:
