@@ -14,13 +14,14 @@ from deltaopt.output.cycle_files import headline_of_cycle
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.plan import Plan
 from deltaopt.plots.colours import BLACK, GREY, LIGHT_GREY
-from deltaopt.plots.robot_view import View, view_of_move
+from deltaopt.plots.robot_view import along_move
 from deltaopt.plots.style import (
     LARGE,
     SMALL,
     figure,
     motor_curves,
     name_lines,
+    name_rms,
     verbatim,
     without_box,
 )
@@ -64,12 +65,7 @@ def _view(plan: CyclePlan, tilt: float) -> Place:
     """Places in a view, mm, with the two ends of legs that are farthest apart side by side."""
     ends = [leg.trajectory(leg.trajectory.knots[[0]]).x[0] for leg in plan.legs]
     start, goal = max(combinations(ends, 2), key=lambda two: float(np.linalg.norm(two[1] - two[0])))
-    view = View(view_of_move(start, goal, aside=0.0).turn, tilt)
-
-    def place(points: Array) -> Array:
-        return 1e3 * (view(points) - view(start))
-
-    return place
+    return along_move(start, goal, tilt)
 
 
 def _path(leg: Plan, place: Place) -> Array:
@@ -131,11 +127,7 @@ def _torques(axes: Axes, plan: CyclePlan) -> None:
     limits = plan.cycle.rms_limits
     warmest = max(np.divide(plan.rms_torque, largest))
     told = f"torques: RMS up to {100 * warmest:.0f} % of the limit"
-    for line, rms, limit in zip(axes.get_lines(), plan.rms_torque, largest, strict=True):
-        line.set_label(f"{line.get_label()}, RMS {100 * rms / limit:.0f} %")
-    for share in () if limits is None else np.unique(np.divide(limits, largest)):
-        name = f"rated RMS {100 * share:.0f} %"
-        axes.plot(axes.get_xlim(), [100 * share] * 2, ":", color=GREY, linewidth=0.9, label=name)
+    for share in name_rms(axes, plan.rms_torque, limits, largest):
         told += f"; {100 * share:.0f} % are rated"
     ends = 1e3 * np.cumsum(plan.phases)
     for number, (arrives, leaves) in enumerate(zip(ends[::2], ends[1::2], strict=True)):

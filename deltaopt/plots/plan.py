@@ -19,13 +19,14 @@ from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.trajectory import Trajectory, ends_of
 from deltaopt.output.facts import assumption, title
 from deltaopt.plots.colours import BLACK, COLOURS, GREY, LIGHT_GREY
-from deltaopt.plots.robot_view import View, draw_robot, view_of_move
+from deltaopt.plots.robot_view import along_move, draw_robot, view_of_move
 from deltaopt.plots.style import (
     LARGE,
     SMALL,
     figure,
     motor_curves,
     name_lines,
+    name_rms,
     verbatim,
     without_box,
 )
@@ -33,7 +34,7 @@ from deltaopt.plots.surroundings import Place, draw_bodies_near, draw_surroundin
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.robot import as_delta
 from deltaopt.scene.scene import Scene
-from deltaopt.verify.clearance import distance_from, link_distances
+from deltaopt.verify.clearance import clearances
 from deltaopt.verify.duty import Duty
 
 _INSTANTS = 5
@@ -145,11 +146,7 @@ def _path(axes: Axes, scene: Scene, trajectory: Trajectory, tilt: float) -> None
     """Draw the path alone, along the move to the right, mm: from the side, where up is up, or from
     above, which ``tilt`` says as a `View`'s."""
     start, goal = ends_of(problem_of(scene), trajectory)
-    view = View(view_of_move(start, goal, aside=0.0).turn, tilt)
-
-    def place(points: Array) -> Array:
-        return 1e3 * (view(points) - view(start))
-
+    place = along_move(start, goal, tilt)
     _lines(axes, scene, trajectory, place)
     dots = place(trajectory(trajectory.instants(_INSTANTS)[1:-1]).x)
     axes.plot(*dots.T, "o", color=BLACK, markersize=3, zorder=4)
@@ -178,7 +175,8 @@ def _torques(axes: Axes, scene: Scene, trajectory: Trajectory, duty: Duty | None
     percent = 100 * curves.values / curves.upper
     motor_curves(axes, t, percent)
     if duty is not None:
-        _name_rms(axes, duty, curves.upper)
+        rms = [motor.rms_torque for motor in duty.motors]
+        name_rms(axes, rms, duty.rated_torque, curves.upper)
     active = active_limits(problem_of(scene), trajectory)
     share = shares_of_time(active, trajectory.duration).get(_TORQUE, 0.0)
     axes.set_title(f"torques: one is at its limit {100 * share:.0f} % of the time")
@@ -192,10 +190,10 @@ def _clearance(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
     """Draw the distances of the tool and of the links from the nearest body over time, and the
     least that is asked for, mm; the title tells the least of those that the scene keeps."""
     t, asked = trajectory.instants(_SAMPLES), 1e3 * scene.least_clearance
-    coarse = _nearest(_distances(scene, trajectory, t))
+    coarse = _nearest(_in_mm(scene, trajectory, t))
     around = t[max(0, coarse.instant - 1)], t[min(coarse.instant + 1, len(t) - 1)]
     t = np.sort(np.append(t, np.linspace(*around, _SAMPLES // 5)))  # where a path turns sharply
-    kept = _distances(scene, trajectory, t)
+    kept = _in_mm(scene, trajectory, t)
     for (name, values), colour in zip(kept.items(), (BLACK, GREY), strict=False):
         axes.plot(1e3 * (t - t[0]), values.min(axis=1), color=colour, label=name)
     nearest = _nearest(kept)
@@ -224,35 +222,15 @@ class _Nearest(NamedTuple):
     body: int
 
 
-def _distances(scene: Scene, trajectory: Trajectory, t: Array) -> dict[str, Array]:
-    """Distances from each body, (N, bodies), mm, at instants t, (N,), s, of what keeps clear."""
-    motion = trajectory(t)
-    of_tool = np.full((len(t), len(scene.keep_out or ())), np.inf)
-    for body, grown in scene.obstacles:
-        distances, _ = distance_from(grown, motion.x)
-        of_tool[:, body] = np.minimum(of_tool[:, body], 1e3 * distances)
-    if not scene.robot_keeps_clear:
-        return {"the tool": of_tool}
-    links = 1e3 * link_distances(scene, motion.x, motion.theta)
-    return {"the tool": of_tool, "arms, forearms": links.min(axis=1)}
+def _in_mm(scene: Scene, trajectory: Trajectory, t: Array) -> dict[str, Array]:
+    """Distances from each body, mm, at instants, s, of what keeps clear."""
+    return {name: 1e3 * each for name, each in clearances(scene, trajectory(t)).items()}
 
 
 def _nearest(distances: Mapping[str, Array]) -> _Nearest:
     of = min(distances, key=lambda name: float(distances[name].min()))
     instant, body = np.unravel_index(distances[of].argmin(), distances[of].shape)
     return _Nearest(of, float(distances[of].min()), int(instant), int(body))
-
-
-def _name_rms(axes: Axes, duty: Duty, limits: Array) -> None:
-    """Write each motor's RMS torque beside its name, in percent of its limit (N·m, (3,)), and draw
-    what it may be in the long run where the robot names that."""
-    for line, motor, limit in zip(axes.get_lines(), duty.motors, limits.tolist(), strict=True):
-        line.set_label(f"{line.get_label()}, RMS {100 * motor.rms_torque / limit:.0f} %")
-    if duty.rated_torque is None:
-        return
-    for share in np.unique(np.divide(duty.rated_torque, limits)):
-        name = f"rated RMS {100 * share:.0f} %"
-        axes.plot(axes.get_xlim(), [100 * share] * 2, ":", color=GREY, linewidth=0.9, label=name)
 
 
 def _bars(axes: Axes, durations: Mapping[str, float]) -> None:

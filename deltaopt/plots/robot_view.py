@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import atan2, cos, hypot, sin
 from typing import Any
@@ -40,14 +41,21 @@ class View:
         return np.stack([across, sin(self.tilt) * away - cos(self.tilt) * x], axis=-1)
 
 
-def view_of_move(start: Array, goal: Array, *, aside: float = _ASIDE) -> View:
-    """The view that has the goal to the right of the start. ``start``, ``goal``: (3,), m.
+def view_of_move(start: Array, goal: Array) -> View:
+    """The view that has the goal to the right of the start. ``start``, ``goal``: (3,), m."""
+    return View(_turn(start, goal) + _ASIDE, _FROM_ABOVE)
 
-    ``aside``: angle, rad, from a view at right angles to the move.
-    """
+
+def along_move(start: Array, goal: Array, tilt: float) -> Callable[[Array], Array]:
+    """Takes points (N, 3), m, to how far they are from the start along the move and up, (N, 2), mm,
+    in a view at right angles to it with a `View`'s ``tilt``. ``start``, ``goal``: (3,), m."""
+    view = View(_turn(start, goal), tilt)
+    return lambda points: 1e3 * (view(points) - view(start))
+
+
+def _turn(start: Array, goal: Array) -> float:
     _, y, z = goal - start
-    turn = atan2(z, y) if hypot(y, z) > 0 else 0.0
-    return View(turn + aside, _FROM_ABOVE)
+    return atan2(z, y) if hypot(y, z) > 0 else 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from textwrap import fill
@@ -16,11 +16,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from numpy.typing import ArrayLike
 from PIL import Image
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.files.atomic_write import atomic_write
-from deltaopt.plots.colours import COLOURS
+from deltaopt.files.validated_record import Vector3
+from deltaopt.plots.colours import COLOURS, GREY
 
 STROKES = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)))
 """Of the curves of the motors, which are told apart in print without colour too."""
@@ -100,6 +102,21 @@ def motor_curves(axes: Axes, t: Array, values: Array) -> None:
         axes.plot(t, values[:, k], color=colour, linestyle=stroke, label=f"motor {k + 1}")
     axes.set_xlim(t[0], t[-1])
     without_box(axes)
+
+
+def name_rms(
+    axes: Axes, rms: Sequence[float], rated: Vector3 | None, largest: ArrayLike
+) -> list[float]:
+    """Write each motor's RMS torque beside its name, in percent of its largest torque, and draw
+    what it may be in the long run where that is known: the shares of the largest, returned. All
+    torques are in N·m, (3,)."""
+    for line, share in zip(axes.get_lines(), np.divide(rms, largest).tolist(), strict=True):
+        line.set_label(f"{line.get_label()}, RMS {100 * share:.0f} %")
+    shares = [] if rated is None else np.unique(np.divide(rated, largest)).tolist()
+    for share in shares:
+        name = f"rated RMS {100 * share:.0f} %"
+        axes.plot(axes.get_xlim(), [100 * share] * 2, ":", color=GREY, linewidth=0.9, label=name)
+    return shares
 
 
 def name_lines(axes: Axes, *, room: float, apart: float = 0.09) -> None:

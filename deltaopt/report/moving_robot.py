@@ -18,7 +18,7 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingPoint
-from deltaopt.verify.clearance import distance_from, link_distances
+from deltaopt.verify.clearance import clearances
 
 FRAMES = 400
 """Steps of the page's slider. A motion of 0.2 s has one each half millisecond; more would make the
@@ -61,10 +61,10 @@ def drawing(parts: Sequence[Moving]) -> dict[str, object]:
         for curve in share_curves(problem_of(part.scene), part.trajectory, inside):
             values = curves.setdefault((curve.limit, curve.subject), np.zeros(len(t)))
             values[before : before + len(curve.values)] = curve.values
-        for body, distances in clearances(part.scene, part.trajectory, inside).items():
+        for body, distances in _clearances(part, inside).items():
             values = near.setdefault(body, np.full(len(t), np.nan))
             values[before : before + len(distances)] = 1e3 * distances
-        for body, distances in clearances(part.scene, part.trajectory, finely).items():
+        for body, distances in _clearances(part, finely).items():
             least[body] = min(least.get(body, np.inf), 1e3 * float(distances.min()))
         before += steps * (len(part.trajectory.knots) - 1)
         for each in part.active:
@@ -136,18 +136,12 @@ def bodies(scene: Scene) -> list[dict[str, object]]:
     return found
 
 
-def clearances(scene: Scene, trajectory: Trajectory, inside: Array) -> dict[str, Array]:
+def _clearances(part: Moving, inside: Array) -> dict[str, Array]:
     """Distances, m, at fractions of every interval, (K n,), from each keep-out body of what keeps
-    clear of it: the tool, and where the scene says so arms and forearms."""
-    motion, found = trajectory.inside_intervals(inside), dict[str, Array]()
-    names = [body.named(index) for index, body in enumerate(scene.keep_out or ())]
-    for index, grown in scene.obstacles:
-        distance, _ = distance_from(grown, motion.x)
-        found[names[index]] = np.minimum(found.get(names[index], np.inf), distance)
-    if names and scene.robot_keeps_clear:
-        links = link_distances(scene, motion.x, motion.theta).min(axis=1)
-        found = {name: np.minimum(found[name], of) for name, of in zip(names, links.T, strict=True)}
-    return found
+    clear of it."""
+    names = [body.named(index) for index, body in enumerate(part.scene.keep_out or ())]
+    found = clearances(part.scene, part.trajectory.inside_intervals(inside))
+    return dict(zip(names, np.min(list(found.values()), axis=0).T, strict=True))
 
 
 def _belts(part: Moving) -> list[list[list[float]]]:

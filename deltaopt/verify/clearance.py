@@ -35,7 +35,7 @@ import numpy as np
 from deltaopt.curves.halving import Parts, nearest_on_lines, surely_largest
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.limits.limit import OwnMeasure
-from deltaopt.motion.trajectory import Trajectory
+from deltaopt.motion.trajectory import Motion, Trajectory
 from deltaopt.robot.machine import Model
 from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.robot.solids import Convex, Polytope, Solid
@@ -188,6 +188,18 @@ def link_distances(scene: Scene, x: Array, theta: Array) -> Array:
     begin, end = LinkGeometry.at_angles(robot, x, theta).links
     found = [_nearest(body, begin, end - begin)[1] for body in _bodies(scene)]
     return np.stack(found, axis=-1) - _radii(robot)[:, None]
+
+
+def clearances(scene: Scene, motion: Motion) -> dict[str, Array]:
+    """Distances, m, from each keep-out body, (N, bodies), of what keeps clear of them, by name: the
+    tool, and where the scene says so arms and forearms."""
+    of_tool = np.full((len(motion.x), len(scene.keep_out or ())), np.inf)
+    for body, grown in scene.obstacles:
+        of_tool[:, body] = np.minimum(of_tool[:, body], distance_from(grown, motion.x)[0])
+    if not scene.robot_keeps_clear:
+        return {"the tool": of_tool}
+    of_links = link_distances(scene, motion.x, motion.theta).min(axis=1)
+    return {"the tool": of_tool, "arms, forearms": of_links}
 
 
 def sure_robot_clearance(scene: Scene, trajectory: Trajectory) -> float:
