@@ -18,6 +18,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -29,10 +30,9 @@ from deltaopt.codegen.c_compiler import compiler
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.piecewise import Array
 from deltaopt.output.controller_c import export_c
-from deltaopt.planning.flat.interior_point import Arguments, CompiledMethod
+from deltaopt.planning.flat.interior_point import CompiledMethod, Settings
 from deltaopt.planning.flat.method_source import source
-from deltaopt.planning.path import sweep
-from deltaopt.planning.path.on_mesh import MeshCall
+from deltaopt.planning.path import on_mesh, sweep
 from deltaopt.scene.task import given_points
 from studies.bench.random_scenes import random_scenes
 from studies.problems import INDUSTRIAL, ORSINO
@@ -280,17 +280,23 @@ def missing(sanitizer: str) -> str | None:
 @contextmanager
 def recorded(programs: dict[str, Program]) -> Iterator[None]:
     """Record the calls of compiled functions that are made in the block, by C text."""
-    run, rows, mesh = CompiledMethod.run, RowFunction.with_failures, MeshCall.run
+    run, rows, mesh = CompiledMethod.run, RowFunction.with_failures, on_mesh.run
 
-    def run_recorded(method: CompiledMethod, given: Arguments) -> object:
-        guess = given.motion.copy()
-        known = given.multipliers.copy() if given.is_warm else np.zeros_like(given.multipliers)
-        result = run(method, given)
-        settings = given.settings
+    def run_recorded(
+        method: CompiledMethod,
+        phases: int,
+        given: Sequence[NDArray[Any]],
+        settings: Settings,
+        *,
+        is_warm: bool,
+    ) -> object:
+        flags, rule, numbers, motion, multipliers = given
+        guess, known = motion.copy(), multipliers.copy() if is_warm else np.zeros_like(multipliers)
+        result = run(method, phases, given, settings, is_warm=is_warm)
         start = [settings.tolerance, settings.row_tolerance, settings.barrier, settings.closest]
-        whole = np.array([given.phases, settings.iterations, given.is_warm], dtype=np.int64)
-        arrays = [whole, given.flags, given.rule, given.numbers, guess, np.array(start), known]
-        arrays += [np.array([float(result[0])]), given.motion.copy(), given.multipliers.copy()]
+        whole = np.array([phases, settings.iterations, is_warm], dtype=np.int64)
+        arrays = [whole, flags, rule, numbers, guess, np.array(start), known]
+        arrays += [np.array([float(result[0])]), motion.copy(), multipliers.copy()]
         _add(programs, _method_text(method), "interior-point method", arrays)
         return result
 
@@ -307,19 +313,25 @@ def recorded(programs: dict[str, Program]) -> Iterator[None]:
             _add(programs, _rows_text(function), function.function.name(), arrays)
         return results, failed
 
-    def mesh_recorded(call: MeshCall, code: object) -> tuple[int, Array, float]:
-        status, results, seconds = mesh(call, code)
-        arrays = [np.array(call.sizes, dtype=np.int64), np.array(call.numbers)]
-        arrays += [np.zeros(0) if a is None else np.ascontiguousarray(a) for a in call.arrays]
+    def mesh_recorded(
+        code: Any,
+        function: RowFunction,
+        sizes: tuple[int, ...],
+        numbers: tuple[float, ...],
+        given: Sequence[Array | None],
+    ) -> tuple[int, Array, float]:
+        status, results, seconds = mesh(code, function, sizes, numbers, given)
+        arrays = [np.array(sizes, dtype=np.int64), np.array(numbers)]
+        arrays += [np.zeros(0) if a is None else np.ascontiguousarray(a) for a in given]
         arrays += [np.array([float(status)]), results]
         for own_parts in (False, True):
             name = "mesh of a path" + (", parts of memory apart" if own_parts else "")
-            _add(programs, _mesh_text(call.function, own_parts=own_parts), name, arrays)
+            _add(programs, _mesh_text(function, own_parts=own_parts), name, arrays)
         return status, results, seconds
 
     with (
         patch.object(CompiledMethod, "run", run_recorded),
-        patch.object(MeshCall, "run", mesh_recorded),
+        patch.object(on_mesh, "run", mesh_recorded),
         patch.object(RowFunction, "with_failures", rows_recorded),
     ):
         yield

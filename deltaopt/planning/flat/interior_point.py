@@ -17,6 +17,7 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -182,21 +183,6 @@ _WORKSPACE = _Workspace()
 
 
 @dataclass(frozen=True)
-class Arguments:
-    """What the compiled method is called with, as ``solve`` in ``interior_point.c`` takes it.
-    ``is_warm``: whether ``multipliers`` are given to begin from."""
-
-    phases: int
-    flags: NDArray[np.int64]
-    rule: Array
-    numbers: Array
-    motion: Array
-    multipliers: Array
-    settings: Settings
-    is_warm: bool = False
-
-
-@dataclass(frozen=True)
 class CompiledMethod:
     """The method for one point problem; limits hold at ``points`` of every interval."""
 
@@ -250,10 +236,8 @@ class CompiledMethod:
         known = [_usable(phase) for phase in phases if phase.multipliers is not None]
         if known:
             multipliers[:rows] = np.concatenate(known)
-        given = Arguments(
-            len(counts), flags, self._rule, numbers, motion, multipliers, settings, bool(known)
-        )
-        status, report = self.run(given)
+        arrays = flags, self._rule, numbers, motion, multipliers
+        status, report = self.run(len(counts), arrays, settings, is_warm=bool(known))
         of_spheres = np.zeros(len(boundaries))
         of_spheres[has_sphere] = multipliers[rows:]
         return InteriorPointSolution(
@@ -267,27 +251,33 @@ class CompiledMethod:
             Spent(report.evaluating, report.solving),
         )
 
-    def run(self, given: Arguments) -> tuple[int, _Report]:
-        """Call the compiled method; it overwrites motion and multipliers."""
-        n = int(given.flags[: given.phases].sum())
-        size = self.code.workspace(ctypes.c_int64(n), ctypes.c_int64(given.phases))
+    def run(
+        self, phases: int, arrays: Sequence[NDArray[Any]], settings: Settings, *, is_warm: bool
+    ) -> tuple[int, _Report]:
+        """Call the compiled method.
+
+        ``arrays``: flags, rule, numbers, motion and multipliers as ``solve`` in
+        ``interior_point.c`` takes them; it overwrites the last two. ``is_warm``: whether
+        multipliers are given to begin from.
+        """
+        n = int(arrays[0][:phases].sum())
+        size = self.code.workspace(ctypes.c_int64(n), ctypes.c_int64(phases))
         report = _Report()
-        arrays = (given.flags, given.rule, given.numbers, given.motion, given.multipliers)
         watched = _LOG.isEnabledFor(logging.DEBUG)
-        trace = np.zeros((given.settings.iterations + 1, _TRACED)) if watched else None
-        settings = _Settings(
-            tolerance=given.settings.tolerance,
-            rows=given.settings.row_tolerance,
-            barrier=given.settings.barrier,
-            closest=given.settings.closest,
-            iterations=given.settings.iterations,
+        trace = np.zeros((settings.iterations + 1, _TRACED)) if watched else None
+        asked = _Settings(
+            tolerance=settings.tolerance,
+            rows=settings.row_tolerance,
+            barrier=settings.barrier,
+            closest=settings.closest,
+            iterations=settings.iterations,
             trace=None if trace is None else trace.ctypes.data,
-            is_warm=given.is_warm,
+            is_warm=is_warm,
         )
         status = self.code.solve(
-            ctypes.c_int64(given.phases),
+            ctypes.c_int64(phases),
             *map(_pointer, arrays),
-            ctypes.byref(settings),
+            ctypes.byref(asked),
             ctypes.byref(report),
             _pointer(_WORKSPACE.at_least(size)),
         )

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
@@ -130,52 +131,25 @@ class _Mesh(ctypes.Structure):
     )
 
 
-@dataclass(frozen=True)
-class MeshCall:
-    """What ``on_mesh.c`` is given, in the order of its ``Mesh``: ``sizes``, ``numbers`` and
-    ``arrays``, of which some may be absent; ``function``: the rows."""
+def run(
+    code: Any,
+    function: RowFunction,
+    sizes: tuple[int, ...],
+    numbers: tuple[float, ...],
+    arrays: Sequence[Array | None],
+) -> tuple[int, Array, float]:
+    """What the compiled function returns, its results and s of the sweep.
 
-    function: RowFunction
-    sizes: tuple[int, ...]
-    numbers: tuple[float, ...]
-    arrays: tuple[Array | None, ...]
-
-    @classmethod
-    def of(
-        cls,
-        rows: PathRows,
-        mesh: PathMesh,
-        tangency: Tangency,
-        ends: tuple[float, float],
-        tighter: Array | None,
-    ) -> MeshCall:
-        """That of ``fastest_on_mesh``."""
-        path, curve = mesh.path, mesh.path.stacked
-        others = rows.others(mesh.ends, tangency.halfway) if len(rows.curved) else None
-        more = None if others is None else np.stack(list(vars(others).values()))
-        number = 0 if others is None else others.alpha.shape[1]
-        sizes = (len(mesh.nodes) - 1, len(rows.sides), number, curve.shape[1], len(curve))
-        convex = int(rows.are_convex(path))
-        numbers = (*ends, FASTEST, SERIES, STOPPING, LONGEST, RESTING)
-        arrays = (path.knots, curve, mesh.nodes, *tangency.last, more, tighter, rows.bounds)
-        return cls(rows.function, (*sizes, convex), numbers, (*arrays, INSIDE, rows.parameters))
-
-    def run(self, code: Any) -> tuple[int, Array, float]:
-        """What the compiled function returns, its results and s of the sweep."""
-        cells, rows = self.sizes[:2]
-        results = np.empty(1 + (6 + len(INSIDE) * rows) * cells)
-        arrays = [None if a is None else np.ascontiguousarray(a) for a in self.arrays]
-        addresses = (None if a is None else a.ctypes.data for a in arrays)
-        call = _Mesh(
-            *self.sizes,
-            *self.numbers,
-            *addresses,
-            self.function.address,
-            results.ctypes.data,
-            0.0,
-        )
-        status = code.on_mesh(ctypes.byref(call))
-        return status, results, call.seconds
+    ``function``: the rows. ``sizes``, ``numbers``, ``arrays``: as in ``Mesh`` of ``on_mesh.c``;
+    some arrays may be absent.
+    """
+    cells, rows = sizes[:2]
+    results = np.empty(1 + (6 + len(INSIDE) * rows) * cells)
+    given = [None if a is None else np.ascontiguousarray(a) for a in arrays]
+    addresses = (None if a is None else a.ctypes.data for a in given)
+    call = _Mesh(*sizes, *numbers, *addresses, function.address, results.ctypes.data, 0.0)
+    status = code.on_mesh(ctypes.byref(call))
+    return status, results, call.seconds
 
 
 def _compiled(
@@ -187,8 +161,16 @@ def _compiled(
     tighter: Array | None,
 ) -> OnMesh:
     begin = perf_counter()
-    call, n = MeshCall.of(rows, mesh, tangency, ends, tighter), len(mesh.nodes) - 1
-    status, results, seconds = call.run(code)
+    n, curve = len(mesh.nodes) - 1, mesh.path.stacked
+    others = rows.others(mesh.ends, tangency.halfway) if len(rows.curved) else None
+    more = None if others is None else np.stack(list(vars(others).values()))
+    number = 0 if others is None else others.alpha.shape[1]
+    convex = int(rows.are_convex(mesh.path))
+    sizes = n, len(rows.sides), number, curve.shape[1], len(curve), convex
+    numbers = *ends, FASTEST, SERIES, STOPPING, LONGEST, RESTING
+    arrays = [mesh.path.knots, curve, mesh.nodes, *tangency.last, more, tighter, rows.bounds]
+    arrays += [INSIDE, rows.parameters]
+    status, results, seconds = run(code, rows.function, sizes, numbers, arrays)
     if status == _NO_NUMBERS:
         by_arrays(rows, mesh, tangency, ends, tighter)  # says what is the matter
     if status == _NO_MEMORY:
