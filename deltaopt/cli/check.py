@@ -299,7 +299,7 @@ def default_method(scene: Scene) -> str:
     problem = problem_of(scene)
     equations = point_equations(problem.model.functions, problem.limits.constraints)
     cost = fastest(problem)
-    return source(equations.point_problem(cost.rate if cost.running else None), len(LINEAR.points))
+    return source(equations.point_problem(cost), len(LINEAR.points))
 
 
 def limits_table(scene: Scene) -> str:

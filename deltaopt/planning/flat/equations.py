@@ -14,8 +14,8 @@ from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.running_cost import Running
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import PlatformInstant
-from deltaopt.planning.flat.point_problem import PointProblem, Sides
-from deltaopt.planning.nlp.cost import effort_of
+from deltaopt.planning.flat.point_problem import PointProblem
+from deltaopt.planning.nlp.cost import Cost, effort_of
 from deltaopt.planning.nlp.scaling import Parameters
 
 Integers = NDArray[np.intp]
@@ -110,13 +110,13 @@ class PointEquations:
             covers=covers,
         )
 
-    def point_problem(self, rate: Running | None) -> PointProblem:
+    def point_problem(self, cost: Cost) -> PointProblem:
         """These equations for the interior-point method, which eliminates the torques, and their
-        rates; ``rate``: of the running cost, if there is one."""
+        rates."""
         order, end = self.constraints.order, 3 * (self.constraints.order + 1)
         p = self.parameters
         x = p.origin + p.length * self.y[:3]
-        sides = [Sides((upper, lower)) for lower, upper in self.constraints.closed_sides.tolist()]
+        sides = [(upper, lower) for lower, upper in self.constraints.closed_sides.tolist()]
         return PointProblem(
             coordinates=3,
             derivatives=order,
@@ -127,7 +127,7 @@ class PointEquations:
             rows=self.rows,
             sides=tuple(sides),
             straight=3 * self.constraints.has_torque_rates,
-            running=ca.SX(0, 1) if rate is None else self.rates[rate],
+            running=self.rates[cost.rate] if cost.running else ca.SX(0, 1),
             saturating=self.saturating,
             strengths=self.strengths,
             covers=self.covers,

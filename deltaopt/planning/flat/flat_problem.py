@@ -126,7 +126,7 @@ def compiled_flat(
     by_ipopt: Formulated | None,
 ) -> FlatEquations | None:
     """The equations with the interior-point method compiled for them; None where it cannot be."""
-    problem = equations.point_problem(cost.rate if cost.running else None)
+    problem = equations.point_problem(cost)
     points = Points.of(transcription.points.tolist())
     if problem.derivatives == 3:
         is_smooth = cost.rate.order == 2  # what is integrated is no jump between thirds

@@ -27,7 +27,7 @@ def source(problem: PointProblem, points: int) -> str:
     functions = problem.functions
     loops = _loops(problem)
     C, H, second = _with_torques_eliminated(problem, loops)
-    sides = [side.value for side in problem.sides]
+    sides = problem.sides
     sizes = {
         "NM": problem.coordinates,
         "NR": problem.derivatives,

@@ -4,21 +4,11 @@ equations of motion and of limits, and their derivatives with torques still apar
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import Enum
 from functools import cached_property
 
 import casadi as ca
 
 from deltaopt.limits.constraints import Alike
-
-
-class Sides(Enum):
-    """Which limits a constraint row has: at +1 (upper), at -1 (lower), or at both."""
-
-    BOTH = (True, True)
-    UPPER = (True, False)
-    LOWER = (False, True)
-
 
 Entries = dict[tuple[int, int], str]
 """The nonzeros of a sparse matrix: their C text, by row and column."""
@@ -59,7 +49,8 @@ class PointProblem:
     cubics between them, whose acceleration is continuous.
     ``tau``: what the equations ``force`` = 0, as many and affine in them, determine; it is
     eliminated from all rows and from their derivatives.
-    ``rows``: at most 1 or at least -1 or both, as ``sides`` says; they may be nonlinear in tau.
+    ``rows``: at most 1, at least -1, or both, as ``sides`` says of each: whether there is an upper
+    limit, and a lower one. They may be nonlinear in tau.
     ``running``: the rate l of a running cost, any function of y, tau and p; none without one. What
     is minimised is then a weight times the duration plus another times the integral of l over it.
     ``p``: parameters, which may differ from phase to phase.
@@ -86,7 +77,7 @@ class PointProblem:
     p: ca.SX
     force: ca.SX
     rows: ca.SX
-    sides: tuple[Sides, ...]
+    sides: tuple[tuple[bool, bool], ...]
     running: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     saturating: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     strengths: ca.SX = field(default_factory=lambda: ca.SX(0, 1))

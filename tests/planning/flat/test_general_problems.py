@@ -30,7 +30,7 @@ from deltaopt.planning.flat.interior_point import (
 )
 from deltaopt.planning.flat.interval_points import THIRDS, Points
 from deltaopt.planning.flat.method_source import source
-from deltaopt.planning.flat.point_problem import PointProblem, Sides
+from deltaopt.planning.flat.point_problem import PointProblem
 from tests.oracles.point_motion import (
     Array,
     End,
@@ -45,6 +45,8 @@ from tests.oracles.point_motion import (
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
+BOTH, LOWER = (True, True), (False, True)
+"""Which limits a row has: the upper one, the lower one."""
 FOUR = Points.of([0.0, 1 / 3, 2 / 3, 1.0])
 EIGHT = Points(
     (0.0, 1 / 6, 1 / 3, 1 / 3, 2 / 3, 2 / 3, 5 / 6, 1.0),
@@ -321,7 +323,6 @@ def point_problem(system: System, parameters: int) -> PointProblem:
         motion.append(ca.SX.nan(m))
     now = Instant(*motion, tau, p)
     rows = system.rows(now)
-    sides = {(True, True): Sides.BOTH, (True, False): Sides.UPPER, (False, True): Sides.LOWER}
     return PointProblem(
         coordinates=m,
         derivatives=r,
@@ -330,7 +331,7 @@ def point_problem(system: System, parameters: int) -> PointProblem:
         p=p,
         force=system.force(now),
         rows=ca.vertcat(*(row.quantity for row in rows)) if rows else ca.SX(0, 1),
-        sides=tuple(sides[row.upper, row.lower] for row in rows),
+        sides=tuple((row.upper, row.lower) for row in rows),
         running=ca.SX(0, 1) if system.running is None else system.running(now),
     )
 
@@ -415,7 +416,7 @@ def test_a_point_without_mass(derivatives, expected):
     at half of the duration, or at its quarters, T^2 = 4 or T^3 = 32."""
     y, none = ca.SX.sym("y", derivatives + 2), ca.SX(0, 1)
     row = y[derivatives] / y[-1] ** derivatives
-    problem = PointProblem(1, derivatives, y, none, none, none, row, (Sides.BOTH,))
+    problem = PointProblem(1, derivatives, y, none, none, none, row, (BOTH,))
     method = interior_point(problem, FOUR if derivatives == 2 else THIRDS)
     assert method is not None
     line = np.linspace(0, 1, 5)[:, None]
@@ -609,7 +610,7 @@ def test_rows_that_are_alike():
         p=p,
         force=y[4:6] - y[6] ** 2 * tau,
         rows=ca.vertcat(tau[0], *(distance(p[k : k + 2]) for k in (1, 3, 5)), tau[1]),
-        sides=(Sides.BOTH, *[Sides.LOWER] * 3, Sides.BOTH),
+        sides=(BOTH, *[LOWER] * 3, BOTH),
     )
     alike = replace(problem, alike=(Alike(range(1, 4), slice(1, 7), own, distance(own), own[0]),))
     rng = np.random.default_rng(6)
@@ -648,7 +649,7 @@ def test_of_the_curvature_of_friction_the_concave_part_is_left_out():
         p=p,
         force=y[2] + strength * ca.tanh(u) - tau,
         rows=tau,
-        sides=(Sides.BOTH,),
+        sides=(BOTH,),
         saturating=u,
         strengths=strength,
     )
@@ -756,7 +757,7 @@ def test_torques_that_are_not_determined():
     """Where the motors' directions coincide there are no torques."""
     y, tau, p = ca.SX.sym("y", 7), ca.SX.sym("tau", 2), ca.SX.sym("p")
     force = y[4:6] / y[6] ** 2 - ca.vertcat(tau[0] + tau[1], p * tau[0] + tau[1])
-    problem = PointProblem(2, 2, y, tau, p, force, tau, (Sides.BOTH,) * 2)
+    problem = PointProblem(2, 2, y, tau, p, force, tau, (BOTH,) * 2)
     method = interior_point(problem, FOUR)
     assert method is not None
     knots = np.linspace(0, 1, 5)[:, None] * [1.0, 1.0, 0.0, 0.0]
@@ -771,7 +772,7 @@ def test_torques_that_are_not_determined():
         ({"derivatives": 4}, "derivatives"),
         ({"coordinates": 3}, "components"),
         ({"force": ca.SX.zeros(1)}, "equations for"),
-        ({"sides": (Sides.BOTH,)}, "sides of"),
+        ({"sides": (BOTH,)}, "sides of"),
     ],
 )
 def test_sizes_that_do_not_agree(change, message):
