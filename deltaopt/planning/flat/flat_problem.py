@@ -165,11 +165,6 @@ class FlatProblem:
     mesh: Array
 
     @property
-    def intervals(self) -> int:
-        """The number N of intervals."""
-        return len(self.mesh)
-
-    @property
     def points(self) -> Array:
         """Fractions of every interval where the limits are imposed."""
         return (
@@ -218,9 +213,9 @@ class FlatProblem:
             if found.solved:
                 return self._solved(found, phases, scaling, settings.row_tolerance)
         sooner_else = guess.near or guess.is_trial  # on another mesh, or from another motion
-        if self.intervals > _IPOPT_INSTEAD or sooner_else:
+        if len(self.mesh) > _IPOPT_INSTEAD or sooner_else:
             raise NotConverged(
-                f"the interior-point method does not converge on {self.intervals} intervals",
+                f"the interior-point method does not converge on {len(self.mesh)} intervals",
                 "No_Progress",
                 guess.trajectory,
             )
@@ -242,7 +237,7 @@ class FlatProblem:
         motion, cost = guess.trajectory, self.equations.cost
         mesh, prices = self.mesh, guess.multipliers
         unused = scaling.constraints.convex & np.isneginf(scaling.limits.bounds[0])
-        shares = np.where(unused, np.inf, scaling.shares(self.intervals))
+        shares = np.where(unused, np.inf, scaling.shares(len(self.mesh)))
         total = motion.duration / scaling.time
         if self.equations.together > 1:
             mesh = joined(mesh, self.equations.together)
