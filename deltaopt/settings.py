@@ -14,19 +14,20 @@ from deltaopt.errors import shown
 MOST, MOST_INTERVALS = 9999, 1000
 """Most first guesses, and most intervals of a first mesh. Hardly a second is taken for each guess,
 which is said, and a tenth of it for each interval by Ipopt: beyond, a plan takes hours."""
-LEAST_TOLERANCE = 1e-9
-"""Least optimality gap that may be asked for: by less a verified motion may exceed its limits."""
-MOST_TOLERANCE = 1.0
-"""Largest one: a motion of twice the least duration says nothing of it."""
+TOLERANCES = 1e-9, 1.0
+"""Least optimality gap that may be asked for, and largest: by less a verified motion may exceed its
+limits, and a motion of twice the least duration says nothing of it."""
 RESOLVED_BELOW = 1e-4
 """Tolerance of the optimality gap below which the instants of switching become unknowns of their
 own. It trades the cost of switch resolution against that of fine meshes, which grows steeply as
 the tolerance falls."""
 
 
-def require_positive(name: str, value: object, least: float = 0.0) -> None:
-    """Raise TypeError unless a setting is a number, ValueError unless it is finite, above 0, and at
-    least as large as the least."""
+def require_positive(
+    name: str, value: object, least: float = 0.0, most: float = float_info.max
+) -> None:
+    """Raise TypeError unless a setting is a number, ValueError unless it is finite, above 0, at
+    least as large as the least, and at most as large as the most."""
     if not isinstance(value, Real) or isinstance(value, bool):
         raise TypeError(f"{name} is {shown(value)}; it must be a number greater than 0")
     if not value > 0:  # type: ignore[operator]  # numbers compare
@@ -35,13 +36,8 @@ def require_positive(name: str, value: object, least: float = 0.0) -> None:
         raise ValueError(f"{name} is {shown(value)}; it must be finite")
     if value < least:
         raise ValueError(f"{name} is {shown(value)}; it must be at least {least:g}")
-
-
-def require_tolerance(value: object) -> None:
-    """Raise TypeError or ValueError unless this may be the tolerance of a plan."""
-    require_positive("tolerance", value, LEAST_TOLERANCE)
-    if value > MOST_TOLERANCE:  # type: ignore[operator]  # numbers compare
-        raise ValueError(f"tolerance is {shown(value)}; it must be at most {MOST_TOLERANCE:g}")
+    if value > most:  # type: ignore[operator]
+        raise ValueError(f"{name} is {shown(value)}; it must be at most {most:g}")
 
 
 def require_whole(

@@ -12,7 +12,7 @@ from deltaopt.files.units import MASS, Misread
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
-from deltaopt.settings import LEAST_TOLERANCE, MOST, MOST_INTERVALS, MOST_TOLERANCE
+from deltaopt.settings import MOST, MOST_INTERVALS, TOLERANCES
 
 
 class WrongUsage(Unusable):
@@ -81,8 +81,9 @@ def positive(text: str) -> float:
 
 def optimality_gap(text: str) -> float:
     """A tolerance of plans, for argparse."""
-    if not LEAST_TOLERANCE <= positive(text) <= MOST_TOLERANCE:
-        expected = f"from {LEAST_TOLERANCE:g} to {MOST_TOLERANCE:g}, such as 0.01 for one per cent"
+    least, most = TOLERANCES
+    if not least <= positive(text) <= most:
+        expected = f"from {least:g} to {most:g}, such as 0.01 for one per cent"
         raise argparse.ArgumentTypeError(f"{text!r} is no share {expected}")
     return positive(text)
 

@@ -35,8 +35,8 @@ from deltaopt.settings import (
     MOST,
     MOST_INTERVALS,
     RESOLVED_BELOW,
+    TOLERANCES,
     require_positive,
-    require_tolerance,
     require_type,
     require_whole,
 )
@@ -141,7 +141,7 @@ class Planner:
     solver: Solver | None = None
 
     def __post_init__(self) -> None:
-        require_tolerance(self.tolerance)
+        require_positive("tolerance", self.tolerance, *TOLERANCES)
         require_whole("intervals", self.intervals, 2, "to stop again", MOST_INTERVALS)
         self._check_types()
         if self.solver and not isinstance(self.solver, self._optimiser.problem_formulation.solvers):

@@ -28,7 +28,7 @@ from deltaopt.planning.cycles.prices import broyden
 from deltaopt.planning.journal import Progress
 from deltaopt.scene.cycle import Cycle
 from deltaopt.scene.objective import Time
-from deltaopt.settings import require_tolerance, require_type
+from deltaopt.settings import TOLERANCES, require_positive, require_type
 
 _MOST_ROUNDS = 30
 """How often all legs are planned. Usual are three to ten times."""
@@ -54,7 +54,7 @@ def plan_cycle(
         159
     """
     require_type("cycle", cycle, Cycle, "a Cycle, such as load_cycle returns")
-    require_tolerance(tolerance)
+    require_positive("tolerance", tolerance, *TOLERANCES)
     sought, tell = PricedLegs(cycle, tolerance), progress or (lambda _: None)
     rounds, tried = list[Round](), list[CyclePlan]()
     fastest = sought.planned(Time(), None)
