@@ -21,6 +21,18 @@ import casadi as ca
 SX = ca.SX
 
 
+def by_chains(J: SX) -> tuple[SX, SX]:
+    """C of eq. (55) and its right inverse P, J C = 0, J P = 1, block by block.
+
+    The first coordinates are the independent ones, and each loop has as many more and as many rows,
+    which depend on no other loop's.
+    """
+    m, n = J.shape[0], J.shape[1] - J.shape[0]
+    inverses = [ca.inv_minor(J[k : k + n, n + k : 2 * n + k]) for k in range(0, m, n)]
+    C = ca.vertcat(SX.eye(n), *(-inverse for inverse in inverses))
+    return C, ca.vertcat(SX(n, m), ca.diagcat(*inverses))
+
+
 def none() -> SX:
     """A column without rows, for what a mechanism does not have."""
     return SX(0, 1)

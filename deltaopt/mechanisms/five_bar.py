@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from deltaopt.dynamics.mechanism import SX, Body, Effort, Mechanism
+from deltaopt.dynamics.mechanism import SX, Body, Effort, Mechanism, by_chains
 
 SIDES = (-1.0, 1.0)
 """Sign of y at the motor of each chain."""
@@ -66,7 +66,7 @@ def five_bar(p: FiveBarParameters) -> Mechanism:
         controls=tau,
         holonomic=holonomic,
         gravity=SX([p.g, 0, 0]),
-        closed_form=_closed_form(ca.jacobian(holonomic, q)),
+        closed_form=by_chains(ca.jacobian(holonomic, q)),
     )
 
 
@@ -94,11 +94,3 @@ def _link(
 
 def _along(angle: SX) -> SX:
     return ca.vertcat(ca.cos(angle), ca.sin(angle), 0)
-
-
-def _closed_form(J: SX) -> tuple[SX, SX]:
-    """C for δξ = δ(x, y) and its right inverse P, block by block as eq. (55)."""
-    inverses = [ca.inv_minor(J[2 * k : 2 * k + 2, 2 + 2 * k : 4 + 2 * k]) for k in range(2)]
-    C = ca.vertcat(SX.eye(2), *(-inverse for inverse in inverses))
-    P = ca.vertcat(SX(2, 4), ca.diagcat(*inverses))
-    return C, P

@@ -12,7 +12,7 @@ from math import cos, pi, sin
 import casadi as ca
 
 from deltaopt.dynamics.constraint_matrix import Partition
-from deltaopt.dynamics.mechanism import SX, Body, Effort, Mechanism, Most
+from deltaopt.dynamics.mechanism import SX, Body, Effort, Mechanism, Most, by_chains
 from deltaopt.mechanisms.delta.arm_loads import ArmLoad
 
 AZIMUTHS = (0.0, 2 * pi / 3, -2 * pi / 3)
@@ -180,7 +180,7 @@ def delta(parameters: DeltaParameters) -> Mechanism:
         holonomic=holonomic,
         gravity=p.gravity,
         parameters=p.vector(),
-        closed_form=_closed_form(ca.jacobian(holonomic, q)),
+        closed_form=by_chains(ca.jacobian(holonomic, q)),
     )
 
 
@@ -225,11 +225,3 @@ def _bars(p: DeltaParameters, k: int, azimuth: float, qk: SX, dqk: SX) -> Body:
     inertia = ca.vertcat(p.I41, 0 if p.I42 is None else p.I42, p.I43)
     omega = ca.vertcat(dqk[2], s[2] * dqk[1], c[2] * dqk[1])
     return Body(f"bars {k + 1}", p.m4, centre, inertia, omega)
-
-
-def _closed_form(J: SX) -> tuple[SX, SX]:
-    """C of eq. (55) and its right inverse P, block by block: J C = 0, J P = 1."""
-    inverses = [ca.inv_minor(J[3 * k : 3 * k + 3, 3 + 3 * k : 6 + 3 * k]) for k in range(3)]
-    C = ca.vertcat(SX.eye(3), *(-inverse for inverse in inverses))
-    P = ca.vertcat(SX(3, 9), ca.diagcat(*inverses))
-    return C, P
