@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.csv_table import write_csv
 from deltaopt.motion.motion_sequence import waiting
 from deltaopt.motion.trajectory import Trajectory
@@ -61,13 +59,6 @@ def content_of_cycle(plan: CyclePlan, verification: CycleVerification) -> dict[s
         "verification": {"ok": verification.ok, "failures": verification.failures()},
         "versions": versions(),
     }
-
-
-def write_record(file: Path, plan: CyclePlan, verification: CycleVerification) -> None:
-    """Write cycle.json."""
-    with atomic_write(file) as temporary:
-        text = json.dumps(content_of_cycle(plan, verification), indent=2, ensure_ascii=False)
-        temporary.write_text(text + "\n", encoding="utf-8")
 
 
 def load_legs(path: Path) -> list[tuple[Path, SavedPlan, Trajectory | None]]:

@@ -96,7 +96,11 @@ def write_json(file: Path, facts: Facts) -> None:
         "scene": facts.scene.model_dump(mode="json", exclude_none=True),
         "motion": _motion(facts.trajectory),
     }
-    record["checksums"] = checksums(record)
+    write_record(file, {**record, "checksums": checksums(record)})
+
+
+def write_record(file: Path, record: Mapping[str, object]) -> None:
+    """Write a record without infinite numbers as JSON."""
     with atomic_write(file) as temporary:
         text = json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False)
         temporary.write_text(text + "\n", encoding="utf-8")

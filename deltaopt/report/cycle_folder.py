@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from deltaopt.files.output_folder import all_or_none
-from deltaopt.output.cycle_files import RECORD, folder_of, write_cycle, write_record
+from deltaopt.output.cycle_files import RECORD, content_of_cycle, folder_of, write_cycle
 from deltaopt.output.facts import Facts
-from deltaopt.output.plan_files import RATE, TABLE
+from deltaopt.output.plan_files import RATE, TABLE, write_record
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.report.plan_folder import save
 from deltaopt.verify.cycle import CycleVerification
@@ -38,7 +38,7 @@ def save_cycle(
     written = [TABLE, RECORD]
     with all_or_none(directory) as folder:
         write_cycle(folder / TABLE, plan, rate)
-        write_record(folder / RECORD, plan, verification)
+        write_record(folder / RECORD, content_of_cycle(plan, verification))
         if chart:
             from deltaopt.plots.cycle import draw_cycle  # slow to import
 
