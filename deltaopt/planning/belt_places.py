@@ -16,7 +16,7 @@ from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import DeltaOptError, Infeasible, NotConverged
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
-from deltaopt.planning.plan import Plan, plan_of_parts
+from deltaopt.planning.plan import Plan, plan_as_it_is
 from deltaopt.robot.model import model_of
 from deltaopt.scene.moving_ends import State
 from deltaopt.scene.scene import Scene
@@ -109,4 +109,5 @@ class PlacesOnBelt:
         start[0, 0] = self.scene.task.start.position
         still = PiecewisePolynomial(np.array([0.0, wait]), start)
         model = model_of(self.scene.robot, self.scene.payload)
-        return plan_of_parts(self.scene, Trajectory(still.then(moving), model), [plan])
+        motion = Trajectory(still.then(moving), model)
+        return plan_as_it_is(self.scene, motion, plan.formulation, plan.tolerance)

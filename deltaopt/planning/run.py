@@ -49,7 +49,7 @@ from deltaopt.planning.in_flight import finished_first
 from deltaopt.planning.links_clear import keeping_links_clear
 from deltaopt.planning.loop import Loop, or_raise
 from deltaopt.planning.on_path import plan_of, planned_on_path
-from deltaopt.planning.past_bodies.legs import plan_in_legs, proposed_in_legs
+from deltaopt.planning.past_bodies.legs import proposed_in_legs
 from deltaopt.planning.past_bodies.ways import NEARLY, at_rest, fastest_way
 from deltaopt.planning.path.path_along import fastest_along, near_corners, through_corners
 from deltaopt.planning.plan import Plan, TakenWay, quicker
@@ -110,7 +110,8 @@ class Run(Loop):
         self, under_way: PiecewisePolynomial | None, near: Trajectory | None, scene: Scene
     ) -> Plan:
         """The plan from a motion that is near the best, or from the usual first motions."""
-        return self._nearby(scene, near) or self._plan_by_limits(scene, under_way)
+        planned = partial(self._plan_by_limits, under_way=under_way)
+        return self._nearby(scene, near) or self.at_worst(scene, planned)
 
     def _links_clear(self, scene: Scene, planned: Callable[[Scene], Plan]) -> Plan:
         """The plan of a scene by its limits, with arms and forearms clear of bodies if asked."""
@@ -186,7 +187,7 @@ class Run(Loop):
 
     def _past_or_through(self, scene: Scene, proposals: Iterator[Proposal]) -> Plan | DeltaOptError:
         """From first motions in phases or where an end moves, and from legs past bodies: these come
-        first where bodies are in the way of the others, and are the plan where none is found."""
+        first where bodies are in the way of the others."""
         if not limits_of(scene).constraints.has_convex:
             return self.until_good(scene, proposals)
         refused = list[Infeasible]()
@@ -197,9 +198,7 @@ class Run(Loop):
         else:
             proposals = chain([first], proposals, legs)
         found = self.until_good(scene, proposals)
-        if isinstance(found, Plan):
-            return found
-        return plan_in_legs(scene, leg) or (refused[0] if refused else found)
+        return refused[0] if refused and not isinstance(found, Plan) else found
 
     def _leg(self, refused: list[Infeasible], scene: Scene) -> Plan | None:
         """The plan of a leg past bodies, roughly; None where none is found. Why there is no way is
@@ -207,7 +206,7 @@ class Run(Loop):
         rough = replace(self, optimiser=replace(self.optimiser, tolerance=NEARLY))
         if scene.task.is_at_rest:
             try:
-                return rough._past_bodies(scene)
+                return rough.at_worst(scene, rough._past_bodies)
             except Infeasible as error:
                 ends = " and ".join(in_words(point) for point in given_points(scene.task))
                 refused.append(Infeasible(f"from rest to rest between {ends} m: {error}"))
