@@ -110,8 +110,7 @@ class Run(Loop):
         self, under_way: PiecewisePolynomial | None, near: Trajectory | None, scene: Scene
     ) -> Plan:
         """The plan from a motion that is near the best, or from the usual first motions."""
-        planned = partial(self._plan_by_limits, under_way=under_way)
-        return self._nearby(scene, near) or self.at_worst(scene, planned)
+        return self._nearby(scene, near) or self._plan_by_limits(scene, under_way)
 
     def _links_clear(self, scene: Scene, planned: Callable[[Scene], Plan]) -> Plan:
         """The plan of a scene by its limits, with arms and forearms clear of bodies if asked."""
@@ -178,12 +177,12 @@ class Run(Loop):
         task = scene.task
         if isinstance(task, OnPath):
             return planned_on_path(scene, task, self.optimiser.tolerance, self.journal.mesh)
-        if isinstance(task, MovingEnds):
-            return _resolvable(self._plan_moving(scene, under_way))
-        if task.gates:
-            return _resolvable(or_raise(self._past_or_through(scene, through_gates(scene))))
+        if isinstance(task, MovingEnds) or task.gates:
+            later = under_way if isinstance(task, MovingEnds) else None
+            planned = partial(self._plan_moving, under_way=later)
+            return _resolvable(self.at_worst(scene, planned))
         past_bodies = limits_of(scene).constraints.has_convex
-        return self._past_bodies(scene) if past_bodies else self.by_merit(scene)
+        return self.at_worst(scene, self._past_bodies if past_bodies else self.by_merit)
 
     def _past_or_through(self, scene: Scene, proposals: Iterator[Proposal]) -> Plan | DeltaOptError:
         """From first motions in phases or where an end moves, and from legs past bodies: these come
@@ -206,7 +205,7 @@ class Run(Loop):
         rough = replace(self, optimiser=replace(self.optimiser, tolerance=NEARLY))
         if scene.task.is_at_rest:
             try:
-                return rough.at_worst(scene, rough._past_bodies)
+                return rough._plan_by_limits(scene, None)
             except Infeasible as error:
                 ends = " and ".join(in_words(point) for point in given_points(scene.task))
                 refused.append(Infeasible(f"from rest to rest between {ends} m: {error}"))
@@ -217,7 +216,8 @@ class Run(Loop):
         return found if isinstance(found, Plan) and is_clear(scene, found.trajectory) else None
 
     def _plan_moving(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
-        """Plan the fastest motion where an end moves, from the first guess that leads to one."""
+        """Plan the fastest motion in phases, or where an end moves, from the first guess that leads
+        to one."""
         if scene.task.gates:
             found = self._past_or_through(scene, through_gates(scene))
         else:
