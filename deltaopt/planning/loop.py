@@ -28,6 +28,7 @@ from deltaopt.planning.first_motions.belt import not_met
 from deltaopt.planning.first_motions.initial_motion import has_time_to_wait
 from deltaopt.planning.first_motions.order_of_merit import crosses_singularity
 from deltaopt.planning.first_motions.proposal import Proposal
+from deltaopt.planning.first_motions.slow_motions import slow_motions
 from deltaopt.planning.journal import Journal
 from deltaopt.planning.mesh.kept_limits import KEPT
 from deltaopt.planning.plan import Plan, plan_as_it_is
@@ -135,16 +136,19 @@ class Loop:
 
     def at_worst(self, scene: Scene, planned: Callable[[Scene], Plan]) -> Plan:
         """The plan that ``planned`` makes of a scene. Where that raises that there is none, the
-        fastest of the motions that attempts began with which keep all limits, slowed as far as need
-        be; its gap is not known. None of these is one for costs other than time."""
+        fastest of the motions that attempts began with, and of slow ones, that keep all limits,
+        slowed as far as need be; its gap is not known. Not for costs other than time."""
         try:
             return planned(scene)
         except NO_PLAN:
-            gates, known = scene.task.gates, list[Trajectory]()
-            for attempt in self.attempts if isinstance(scene.objective, Time) else ():
-                if attempt.scene.task.gates == gates:
-                    found = if_possible(NO_PLAN, _kept, scene, attempt.motion)
-                    known += [found] if found else []
+            if not isinstance(scene.objective, Time):
+                raise
+            begun = (a.motion for a in self.attempts if a.scene.task.gates == scene.task.gates)
+            kept = (
+                if_possible(NO_PLAN, _kept, scene, motion)
+                for motion in {*begun, *slow_motions(scene)}
+            )
+            known = [each for each in kept if each]
             if not known:
                 raise
             best = min(known, key=lambda motion: motion.duration)

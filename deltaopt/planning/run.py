@@ -341,12 +341,13 @@ class Run(Loop):
         found = list[Plan]()
         for corners in islice(paths_of_lines(scene), _PATHS) if usual else ():
             self.journal.note("near the corners of a path of straight lines:")
-            for gates in (near_corners(scene, corners), through_corners(scene, corners)):
+            for make in (near_corners, through_corners) if len(corners) > 2 else ():
+                gates = make(scene, corners)
                 through = if_possible(NO_PLAN, self.until_good, gates, through_gates(gates))
                 if isinstance(through, Plan) and is_clear(scene, through.trajectory):
                     found.append(through)
             timed = fastest_along(scene, corners, self.optimiser.tolerance)
-            if timed is not None:
+            if timed is not None and not scene.has_rates:
                 self.journal.note(f"on that path: {timed.trajectory.duration:.6g} s")
                 found.append(plan_of(scene, timed, self.optimiser.tolerance))
         if not found:
