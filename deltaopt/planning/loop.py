@@ -16,7 +16,7 @@ from deltaopt.errors import (
     if_possible,
 )
 from deltaopt.motion.time_scaling import safe_factor
-from deltaopt.motion.trajectory import Trajectory, goal_of, moving_on
+from deltaopt.motion.trajectory import Trajectory, goal_of
 from deltaopt.planning.attempts import (
     Attempt,
     Outcomes,
@@ -141,17 +141,12 @@ class Loop:
         try:
             return planned(scene)
         except NO_PLAN:
-            if not isinstance(scene.objective, Time):
-                raise
             begun = (a.motion for a in self.attempts if a.scene.task.gates == scene.task.gates)
-            kept = (
-                if_possible(NO_PLAN, _kept, scene, motion)
-                for motion in {*begun, *slow_motions(scene)}
-            )
-            known = [each for each in kept if each]
-            if not known:
+            motions = dict.fromkeys([*begun, *slow_motions(scene)])  # each once, in their order
+            kept = [if_possible(NO_PLAN, _kept, scene, motion) for motion in motions]
+            best = min((one for one in kept if one), key=lambda one: one.duration, default=None)
+            if best is None or not isinstance(scene.objective, Time):
                 raise
-            best = min(known, key=lambda motion: motion.duration)
             self.journal.note(f"of these the fastest that keeps all limits: {best.duration:.6g} s")
             name, tolerance = self.optimiser.problem_formulation.name, self.optimiser.tolerance
             return plan_as_it_is(scene, best, name, tolerance)
@@ -161,30 +156,25 @@ def _kept(scene: Scene, motion: Trajectory) -> Trajectory | None:
     """A motion between the ends of a scene, slowed until it keeps all limits where that changes no
     end; None if it does not keep them. Raises NotConverged or what rules it out."""
     problem = problem_of(scene)
-    if _off_its_ends(problem, motion) > _ROUNDING or not is_clear(scene, motion):
-        return None
-    if crosses_singularity(problem, motion):
+    is_right = _off_its_ends(problem, motion) < _ROUNDING and is_clear(scene, motion)
+    if not is_right or crosses_singularity(problem, motion):
         return None
     factor = safe_factor(problem, motion)
     if problem.is_at_rest:
-        return safe(scene, motion, factor, "First_Motion")
+        return safe(scene, motion, factor, "As_It_Is")
     is_kept = factor <= 1 + KEPT and motion.duration >= scene.least_duration
-    return moving_on(problem, motion) if is_kept else None
+    return motion if is_kept else None
 
 
 def _off_its_ends(problem: Problem, motion: Trajectory) -> float:
     """How far a motion is off what a problem asks for at its ends, and by how much acceleration
     jumps where it may not, in units of how far it goes and of its duration."""
-    extent, T = motion.extent, motion.duration
-    ends, (x, v, a) = (problem.start, goal_of(problem, motion)), motion.path_inside([0.0, 1.0])
-    off = [
-        np.abs(x[[0, -1]] - [end.position for end in ends]).max() / extent,
-        np.abs(v[[0, -1]] - [end.velocity for end in ends]).max() / extent * T,
-    ]
-    if problem.limits.constraints.order == 3:
-        off.append(np.abs(a[[0, -1]] - [end.acceleration for end in ends]).max() / extent * T**2)
-        off.append(motion.acceleration_jump / extent * T**2)
-    return float(max(off))
+    ends, T = (problem.start, goal_of(problem, motion)), motion.duration
+    asked = [(end.position, end.velocity, end.acceleration) for end in ends]
+    found = np.stack(motion.path_inside([0.0, 1.0]), axis=1)[[0, -1]]
+    off = np.abs(found - asked).max(axis=(0, 2)) * np.array([1.0, T, T**2])
+    off[2] += motion.acceleration_jump * T**2
+    return float(off[: problem.limits.constraints.order].max() / motion.extent)
 
 
 def or_raise(found: Plan | DeltaOptError) -> Plan:

@@ -31,7 +31,7 @@ from deltaopt.planning.attempts import (
     from_motion,
     on_its_mesh,
 )
-from deltaopt.planning.belt_places import PlacesOnBelt
+from deltaopt.planning.belt_places import PlacesOnBelt, TooLate
 from deltaopt.planning.first_motions.around_bodies import (
     CLEAR,
     is_clear,
@@ -43,7 +43,7 @@ from deltaopt.planning.first_motions.multistart import other_motions
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.first_motions.passages import paths_of_lines
 from deltaopt.planning.first_motions.proposal import Proposal
-from deltaopt.planning.first_motions.through_gates import through_gates
+from deltaopt.planning.first_motions.through_gates import simple_motions, through_gates
 from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.in_flight import finished_first
 from deltaopt.planning.links_clear import keeping_links_clear
@@ -212,12 +212,11 @@ class Run(Loop):
             except NO_PLAN as error:
                 self.journal.note(str(error))
             return None
-        found = rough.until_good(scene, _simply(scene))
+        found = rough.until_good(scene, simple_motions(scene))
         return found if isinstance(found, Plan) and is_clear(scene, found.trajectory) else None
 
     def _plan_moving(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
-        """Plan the fastest motion in phases, or where an end moves, from the first guess that leads
-        to one."""
+        """Plan the fastest motion in phases or where an end moves, from the first good guess."""
         if scene.task.gates:
             found = self._past_or_through(scene, through_gates(scene))
         else:
@@ -238,14 +237,16 @@ class Run(Loop):
         return or_raise(finished or found)
 
     def _onto_belt(self, scene: Scene, found: Plan | DeltaOptError) -> Plan | DeltaOptError:
-        """What was ``found``, if it is good enough or no goal on a belt is met from rest; otherwise
-        the better of it and a plan by way of places that the belt passes. Past bodies and through
+        """What was ``found``, if it is good enough or there is no goal on a belt; otherwise the
+        better of it and a plan by way of places that the belt passes. Past bodies and through
         points, where that takes long, only if nothing was found."""
         slow = limits_of(scene).constraints.has_convex or bool(scene.task.gates)
         if isinstance(found, Plan) and (slow or found.gap <= self.good_gap):
             return found
 
-        places = PlacesOnBelt.of(scene, lambda each: self._past_or_through(each, _simply(each)))
+        places = PlacesOnBelt.of(
+            scene, lambda each: self._past_or_through(each, simple_motions(each))
+        )
         if places is None:
             return found
         self.journal.note("once more, by way of places that the belt passes:")
@@ -313,11 +314,14 @@ class Run(Loop):
         return min(found, key=_cost)
 
     def _moving_past(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan | None:
-        """The plan past bodies where an end moves; None without bodies, and where there is none."""
+        """The plan past bodies where an end moves; None without bodies, and where there is none.
+        Raises TooLate for a belt that is not met without bodies either."""
         if not limits_of(scene).constraints.has_convex:
             return None
         try:
             return self._past_bodies(scene, under_way)
+        except TooLate:
+            raise
         except NO_PLAN as error:  # other first motions may lead to a plan
             self.journal.note(str(error))
             return None
@@ -326,7 +330,8 @@ class Run(Loop):
         """The plan of a scene without bodies. Raises what rules it out."""
         if scene.task.is_at_rest:
             return self.by_merit(scene)
-        return or_raise(self.until_good(scene, first_moving_motions(scene, under_way)))
+        found = self.until_good(scene, first_moving_motions(scene, under_way))
+        return or_raise(self._onto_belt(scene, found))
 
     def _through_passages(self, scene: Scene) -> list[Plan]:
         """The plan along short paths of straight lines past bodies, where no mesh finds its way:
@@ -382,11 +387,6 @@ class Run(Loop):
 
 def _cost(plan: Plan) -> float:
     return plan.cost
-
-
-def _simply(scene: Scene) -> Iterator[Proposal]:
-    """First motions in phases or where an end moves, as if nothing followed the start."""
-    return through_gates(scene) if scene.task.gates else first_moving_motions(scene, None)
 
 
 def _resolvable(found: Plan) -> Plan:
