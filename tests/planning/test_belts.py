@@ -68,6 +68,17 @@ def test_a_belt_that_leaves_too_soon_ends_in_a_sentence_on_when_it_can_be_met():
     assert isinstance(error.value.__cause__, DeltaOptError)
 
 
+def test_no_way_past_a_wall_is_looked_for_to_a_belt_that_is_missed_without_it():
+    """Each would be solved on several meshes in vain."""
+    wall = {"box": {"from": [0.8, -0.05, -0.5], "to": [1.5, 0.0, 0.5]}}
+    missed = towards((0.85, 0.2, 0.2), (0, 2.0, 0), start=(0.85, -0.2, -0.2), keep_out=[wall])
+    lines = list[str]()
+    with pytest.raises(Infeasible, match=r"take [\d.]+ times as long as the belt, or more"):
+        plan(missed, progress=lines.append)
+    assert lines
+    assert not [line for line in lines if line.startswith("the way ")]
+
+
 def test_a_state_that_is_not_reached_is_told_in_words_of_its_own():
     """And that it stands still, for who meant a belt; other errors stay as they are."""
     passed, error = load_scene("problems/moving/passed_state.yaml"), NotConverged("x", "y", None)
