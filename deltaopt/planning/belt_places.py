@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
-from deltaopt.errors import DeltaOptError, Infeasible, NotConverged
+from deltaopt.errors import DeltaOptError, Infeasible
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
-from deltaopt.planning.plan import Plan, plan_of_parts
+from deltaopt.planning.plan import Plan, plan_as_it_is
 from deltaopt.robot.model import model_of
 from deltaopt.scene.moving_ends import State
 from deltaopt.scene.scene import Scene
@@ -28,32 +28,39 @@ meet the belt: each takes as long as a plan. Between more of them shorter meetin
 _HALVINGS = 4
 """How often the time between the last place that is reached too late and the first that is not is
 halved: the first motion then waits for a few per cent of its duration at most."""
+_TOO_LATE = 1.2
+"""How many times as long as the belt the fastest motions to all places take, or more, where it is
+not met, with bodies in the way or without."""
 _LEAST_WAIT = 1e-3
 """Of the motion that follows: a shorter wait would be an interval of hardly any length."""
 
 
+class TooLate(Infeasible):
+    """No motion to a place on a belt's way is found that is there in time."""
+
+
 @dataclass
 class PlacesOnBelt:
-    """Plans to places of a belt's way, from rest, and what came of them.
+    """Plans to places of a belt's way, and what came of them.
 
     ``planned``: plans a scene, or returns the error that prevents it. ``nearest``: of the places
     that are reached too late, by how many times so: the least, and when the belt is there, s.
+    ``is_early``: whether a start that moves, and cannot wait, leads to a place too soon.
     """
 
     scene: Scene
     goal: MovingPoint
     planned: Callable[[Scene], Plan | DeltaOptError]
     nearest: tuple[float, float] | None = None
+    is_early: bool = False
 
     @classmethod
     def of(
         cls, scene: Scene, planned: Callable[[Scene], Plan | DeltaOptError]
     ) -> PlacesOnBelt | None:
-        """None where no goal moves, or the start does."""
-        task = scene.task
-        if not isinstance(task.goal, MovingPoint) or task.start.velocity != REST:
-            return None
-        return cls(scene, task.goal, planned)
+        """None where no goal moves."""
+        goal = scene.task.goal
+        return cls(scene, goal, planned) if isinstance(goal, MovingPoint) else None
 
     def plan(self) -> Plan | None:
         """The plan that waits and then meets the belt as soon as possible, if there is one."""
@@ -63,7 +70,7 @@ class PlacesOnBelt:
         late, found = 0.0, None
         for i in np.linspace(0, len(times) - 1, min(_PLACES, len(times))).round().astype(int):
             found = self._plan(float(times[i]))
-            if found is not None:
+            if found is not None or self.is_early:
                 break
             late = float(times[i])
         if found is None:
@@ -79,16 +86,14 @@ class PlacesOnBelt:
 
     def told(self, error: DeltaOptError) -> DeltaOptError:
         """An error that says too how nearly the belt is met at a place."""
-        if self.nearest is None:
+        if self.nearest is None or self.is_early:
             return error
         times, when = self.nearest
         told = (
             f"{error}; the fastest motions found to places on its way take {times:.3g} times as "
             f"long as the belt, or more, {times * when:.3g} instead of {when:.3g} s"
         )
-        found: DeltaOptError = Infeasible(told)
-        if isinstance(error, NotConverged):
-            found = NotConverged(told, error.status, error.iterate)
+        found = TooLate(told) if times > _TOO_LATE else Infeasible(told)
         found.__cause__ = error.__cause__
         return found
 
@@ -105,8 +110,12 @@ class PlacesOnBelt:
             late = plan.duration / time, time
             self.nearest = min(late, self.nearest or late)
             return None
+        if self.scene.task.start.velocity != REST:
+            self.is_early = True
+            return None
         start = np.zeros((1, *moving.coefficients.shape[1:]))
         start[0, 0] = self.scene.task.start.position
         still = PiecewisePolynomial(np.array([0.0, wait]), start)
         model = model_of(self.scene.robot, self.scene.payload)
-        return plan_of_parts(self.scene, Trajectory(still.then(moving), model), [plan])
+        motion = Trajectory(still.then(moving), model)
+        return plan_as_it_is(self.scene, motion, plan.formulation, plan.tolerance)

@@ -18,9 +18,10 @@ from deltaopt.limits.limit import OwnMeasure
 from deltaopt.motion.limit_sensitivity import Multipliers
 from deltaopt.motion.links import least_rooms
 from deltaopt.planning.plan import Plan
+from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import as_delta
 from deltaopt.scene.bodies import solid_about, sums
-from deltaopt.scene.links import name_of, rooms_at
+from deltaopt.scene.links import name_of, rooms_at, rooms_of_arms
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath
 
@@ -42,6 +43,8 @@ _NEARER = 0.1
 more than the tolerance leaves: much nearer a plan may not be found."""
 _PLANS = 8
 """At most."""
+_ANGLES = 65
+"""Of every arm between those at given points, at which it is looked at where a link is too near."""
 
 Spare = dict[tuple[int, int], float]
 """By how much, m, the lines of links are planned farther from bodies than they must be, by the
@@ -55,8 +58,8 @@ def keeping_links_clear(
     planned farther away than they must be, as a share of the duration, as far as that is known.
 
     ``planned``: plans a scene by its limits, those of ``planned_links`` among them, to a
-    ``tolerance`` of the gap. Raises Infeasible where a link is in a body on a given path, and
-    NotConverged where no plan has all links clear.
+    ``tolerance`` of the gap. Raises Infeasible where a link is in a body on a given path, or an arm
+    turns past one on every path, and NotConverged where no plan has all links clear.
     """
     at_points = rooms_at(scene, np.array(scene.placed_points)).min(axis=0)
     usual = min(max(_SPARE * tolerance, _LEAST_SPARE), _MOST_SPARE)
@@ -80,6 +83,8 @@ def keeping_links_clear(
                 "No_Progress",
                 found.trajectory,
             )
+        if plans == 1 and (in_the_way := _in_the_way_of_arms(scene)):
+            raise Infeasible(in_the_way)
         report(f"once more, for {missed}:")
         for pair in _pairs(rooms < _NEAR):
             begun = max(usual, _ROUND - _least(scene, pair[0]) - roundings[pair[1]])
@@ -87,6 +92,24 @@ def keeping_links_clear(
             wanted = spare[pair] + farther if pair in spare else begun
             spare[pair] = min(wanted, at_points[pair] / 2)
         spare = dict(sorted(spare.items()))
+
+
+def _in_the_way_of_arms(scene: Scene) -> str | None:
+    """Which arm is in a body at an angle between those that it has at given points, in a sentence:
+    where an arm is depends on its angle alone. None where none is."""
+    points, model = np.array(scene.placed_points), delta_model(scene.robot, scene.payload)
+    q, _, _ = model.motion(points, *np.zeros((2, *points.shape)))
+    theta = np.unwrap(q[:, model.functions.motors], axis=0)  # none turns all the way round
+    angles = np.linspace(theta.min(axis=0), theta.max(axis=0), _ANGLES)
+    rooms = rooms_of_arms(scene, angles)
+    worst, arm, body = np.unravel_index(rooms.argmin(), rooms.shape)
+    if rooms[worst, arm, body] >= 0:
+        return None
+    return (
+        f"between the given points {name_of(2 * int(arm))} turns past an angle of "
+        f"{angles[worst, arm]:.3g} rad, at which it is {-1e3 * rooms[worst, arm, body]:.3g} mm too "
+        f"near to keep_out[{body}]"
+    )
 
 
 def _nearer(

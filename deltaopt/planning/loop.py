@@ -2,46 +2,63 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from math import inf
+
+import numpy as np
 
 from deltaopt.errors import (
     ENDS_AN_ATTEMPT,
+    NO_PLAN,
     DeltaOptError,
     Infeasible,
+    if_possible,
 )
-from deltaopt.motion.trajectory import Trajectory
+from deltaopt.motion.time_scaling import safe_factor
+from deltaopt.motion.trajectory import Trajectory, goal_of
 from deltaopt.planning.attempts import (
     Attempt,
     Outcomes,
     by_merit,
     until_good,
 )
+from deltaopt.planning.first_motions.around_bodies import is_clear
 from deltaopt.planning.first_motions.belt import not_met
 from deltaopt.planning.first_motions.initial_motion import has_time_to_wait
+from deltaopt.planning.first_motions.order_of_merit import crosses_singularity
 from deltaopt.planning.first_motions.proposal import Proposal
+from deltaopt.planning.first_motions.slow_motions import slow_motions
 from deltaopt.planning.journal import Journal
-from deltaopt.planning.plan import Plan
+from deltaopt.planning.mesh.kept_limits import KEPT
+from deltaopt.planning.plan import Plan, plan_as_it_is
 from deltaopt.planning.remedies import REMEDIES, better
-from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
+from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser, safe
+from deltaopt.problem.of_scene import problem_of
+from deltaopt.problem.problem import Problem
+from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 
 _USUAL, _ANOTHER_WAY_ABOVE = 1e-3, 3e-3
 """Tolerances of at least the first are to be met, or planning starts again from another first
 motion. Where a tighter one is missed it does so above the second: smaller gaps are not the first
 motion's fault, and planning again seldom changes them."""
+_ROUNDING = 1e-9
+"""What the ends of a motion may be off those asked for, of how far it goes, and of that in its
+duration."""
 
 
 @dataclass(frozen=True)
 class Loop:
     """Makes attempts to plan.
 
-    ``optimiser``: what plans from one first motion. ``journal``: what was attempted so far.
+    ``optimiser``: what plans from one first motion. ``journal``: what was attempted so far, in
+    words, and ``attempts``: the attempts themselves.
     """
 
     optimiser: TrajectoryOptimiser
     journal: Journal
+    attempts: list[Attempt] = field(default_factory=list)
 
     def make(self, attempts: Iterator[Attempt], so_far: Outcomes) -> None:
         """Make all attempts of a source, which sees what came of those before."""
@@ -63,6 +80,7 @@ class Loop:
 
     def made(self, attempt: Attempt) -> Plan | DeltaOptError:
         """What comes of an attempt alone."""
+        self.attempts.append(attempt)
         self.journal.begin(attempt.proposal, str(attempt))
         try:
             found = self.optimiser.plan(attempt, self.journal.mesh)
@@ -115,6 +133,48 @@ class Loop:
         so_far = Outcomes(attempt.scene, self.good_gap)
         self.make(iter([attempt]), so_far)
         return so_far.best()
+
+    def at_worst(self, scene: Scene, planned: Callable[[Scene], Plan]) -> Plan:
+        """The plan that ``planned`` makes of a scene. Where that raises that there is none, the
+        fastest of the motions that attempts began with, and of slow ones, that keep all limits,
+        slowed as far as need be; its gap is not known. Not for costs other than time."""
+        try:
+            return planned(scene)
+        except NO_PLAN:
+            begun = (a.motion for a in self.attempts if a.scene.task.gates == scene.task.gates)
+            motions = dict.fromkeys([*begun, *slow_motions(scene)])  # each once, in their order
+            kept = [if_possible(NO_PLAN, _kept, scene, motion) for motion in motions]
+            best = min((one for one in kept if one), key=lambda one: one.duration, default=None)
+            if best is None or not isinstance(scene.objective, Time):
+                raise
+            self.journal.note(f"of these the fastest that keeps all limits: {best.duration:.6g} s")
+            name, tolerance = self.optimiser.problem_formulation.name, self.optimiser.tolerance
+            return plan_as_it_is(scene, best, name, tolerance)
+
+
+def _kept(scene: Scene, motion: Trajectory) -> Trajectory | None:
+    """A motion between the ends of a scene, slowed until it keeps all limits where that changes no
+    end; None if it does not keep them. Raises NotConverged or what rules it out."""
+    problem = problem_of(scene)
+    is_right = _off_its_ends(problem, motion) < _ROUNDING and is_clear(scene, motion)
+    if not is_right or crosses_singularity(problem, motion):
+        return None
+    factor = safe_factor(problem, motion)
+    if problem.is_at_rest:
+        return safe(scene, motion, factor, "As_It_Is")
+    is_kept = factor <= 1 + KEPT and motion.duration >= scene.least_duration
+    return motion if is_kept else None
+
+
+def _off_its_ends(problem: Problem, motion: Trajectory) -> float:
+    """How far a motion is off what a problem asks for at its ends, and by how much acceleration
+    jumps where it may not, in units of how far it goes and of its duration."""
+    ends, T = (problem.start, goal_of(problem, motion)), motion.duration
+    asked = [(end.position, end.velocity, end.acceleration) for end in ends]
+    found = np.stack(motion.path_inside([0.0, 1.0]), axis=1)[[0, -1]]
+    off = np.abs(found - asked).max(axis=(0, 2)) * np.array([1.0, T, T**2])
+    off[2] += motion.acceleration_jump * T**2
+    return float(off[: problem.limits.constraints.order].max() / motion.extent)
 
 
 def or_raise(found: Plan | DeltaOptError) -> Plan:

@@ -260,19 +260,20 @@ class Plan:
         return self.gap <= self.tolerance
 
 
-def plan_of_parts(scene: Scene, motion: Trajectory, parts: list[Plan]) -> Plan:
-    """The plan of a motion that is made of those of other plans, whose gap is not known."""
+def plan_as_it_is(scene: Scene, motion: Trajectory, formulation: str, tolerance: float) -> Plan:
+    """The plan of a motion that keeps all limits and that no solver has changed, whose gap is not
+    known."""
     return Plan(
         scene=scene,
         trajectory=moving_on(problem_of(scene), motion),
-        formulation=parts[0].formulation,
-        transcription=parts[0].transcription,
+        formulation=formulation,
+        transcription="a first motion",
         intervals=len(motion.knots) - 1,
-        status="Made_Of_Parts",
-        iterations=sum(part.iterations for part in parts),
-        solve_seconds=sum(part.solve_seconds for part in parts),
+        status="As_It_Is",
+        iterations=0,
+        solve_seconds=0.0,
         gap=inf,
-        tolerance=parts[0].tolerance,
+        tolerance=tolerance,
     )
 
 

@@ -31,7 +31,7 @@ from deltaopt.planning.attempts import (
     from_motion,
     on_its_mesh,
 )
-from deltaopt.planning.belt_places import PlacesOnBelt
+from deltaopt.planning.belt_places import PlacesOnBelt, TooLate
 from deltaopt.planning.first_motions.around_bodies import (
     CLEAR,
     is_clear,
@@ -43,13 +43,13 @@ from deltaopt.planning.first_motions.multistart import other_motions
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.first_motions.passages import paths_of_lines
 from deltaopt.planning.first_motions.proposal import Proposal
-from deltaopt.planning.first_motions.through_gates import through_gates
+from deltaopt.planning.first_motions.through_gates import simple_motions, through_gates
 from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.in_flight import finished_first
 from deltaopt.planning.links_clear import keeping_links_clear
 from deltaopt.planning.loop import Loop, or_raise
 from deltaopt.planning.on_path import plan_of, planned_on_path
-from deltaopt.planning.past_bodies.legs import plan_in_legs, proposed_in_legs
+from deltaopt.planning.past_bodies.legs import proposed_in_legs
 from deltaopt.planning.past_bodies.ways import NEARLY, at_rest, fastest_way
 from deltaopt.planning.path.path_along import fastest_along, near_corners, through_corners
 from deltaopt.planning.plan import Plan, TakenWay, quicker
@@ -177,16 +177,16 @@ class Run(Loop):
         task = scene.task
         if isinstance(task, OnPath):
             return planned_on_path(scene, task, self.optimiser.tolerance, self.journal.mesh)
-        if isinstance(task, MovingEnds):
-            return _resolvable(self._plan_moving(scene, under_way))
-        if task.gates:
-            return _resolvable(or_raise(self._past_or_through(scene, through_gates(scene))))
+        if isinstance(task, MovingEnds) or task.gates:
+            later = under_way if isinstance(task, MovingEnds) else None
+            planned = partial(self._plan_moving, under_way=later)
+            return _resolvable(self.at_worst(scene, planned))
         past_bodies = limits_of(scene).constraints.has_convex
-        return self._past_bodies(scene) if past_bodies else self.by_merit(scene)
+        return self.at_worst(scene, self._past_bodies if past_bodies else self.by_merit)
 
     def _past_or_through(self, scene: Scene, proposals: Iterator[Proposal]) -> Plan | DeltaOptError:
         """From first motions in phases or where an end moves, and from legs past bodies: these come
-        first where bodies are in the way of the others, and are the plan where none is found."""
+        first where bodies are in the way of the others."""
         if not limits_of(scene).constraints.has_convex:
             return self.until_good(scene, proposals)
         refused = list[Infeasible]()
@@ -197,9 +197,7 @@ class Run(Loop):
         else:
             proposals = chain([first], proposals, legs)
         found = self.until_good(scene, proposals)
-        if isinstance(found, Plan):
-            return found
-        return plan_in_legs(scene, leg) or (refused[0] if refused else found)
+        return refused[0] if refused and not isinstance(found, Plan) else found
 
     def _leg(self, refused: list[Infeasible], scene: Scene) -> Plan | None:
         """The plan of a leg past bodies, roughly; None where none is found. Why there is no way is
@@ -207,18 +205,18 @@ class Run(Loop):
         rough = replace(self, optimiser=replace(self.optimiser, tolerance=NEARLY))
         if scene.task.is_at_rest:
             try:
-                return rough._past_bodies(scene)
+                return rough._plan_by_limits(scene, None)
             except Infeasible as error:
                 ends = " and ".join(in_words(point) for point in given_points(scene.task))
                 refused.append(Infeasible(f"from rest to rest between {ends} m: {error}"))
             except NO_PLAN as error:
                 self.journal.note(str(error))
             return None
-        found = rough.until_good(scene, _simply(scene))
+        found = rough.until_good(scene, simple_motions(scene))
         return found if isinstance(found, Plan) and is_clear(scene, found.trajectory) else None
 
     def _plan_moving(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
-        """Plan the fastest motion where an end moves, from the first guess that leads to one."""
+        """Plan the fastest motion in phases or where an end moves, from the first good guess."""
         if scene.task.gates:
             found = self._past_or_through(scene, through_gates(scene))
         else:
@@ -239,14 +237,16 @@ class Run(Loop):
         return or_raise(finished or found)
 
     def _onto_belt(self, scene: Scene, found: Plan | DeltaOptError) -> Plan | DeltaOptError:
-        """What was ``found``, if it is good enough or no goal on a belt is met from rest; otherwise
-        the better of it and a plan by way of places that the belt passes. Past bodies and through
+        """What was ``found``, if it is good enough or there is no goal on a belt; otherwise the
+        better of it and a plan by way of places that the belt passes. Past bodies and through
         points, where that takes long, only if nothing was found."""
         slow = limits_of(scene).constraints.has_convex or bool(scene.task.gates)
         if isinstance(found, Plan) and (slow or found.gap <= self.good_gap):
             return found
 
-        places = PlacesOnBelt.of(scene, lambda each: self._past_or_through(each, _simply(each)))
+        places = PlacesOnBelt.of(
+            scene, lambda each: self._past_or_through(each, simple_motions(each))
+        )
         if places is None:
             return found
         self.journal.note("once more, by way of places that the belt passes:")
@@ -314,11 +314,14 @@ class Run(Loop):
         return min(found, key=_cost)
 
     def _moving_past(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan | None:
-        """The plan past bodies where an end moves; None without bodies, and where there is none."""
+        """The plan past bodies where an end moves; None without bodies, and where there is none.
+        Raises TooLate for a belt that is not met without bodies either."""
         if not limits_of(scene).constraints.has_convex:
             return None
         try:
             return self._past_bodies(scene, under_way)
+        except TooLate:
+            raise
         except NO_PLAN as error:  # other first motions may lead to a plan
             self.journal.note(str(error))
             return None
@@ -327,7 +330,8 @@ class Run(Loop):
         """The plan of a scene without bodies. Raises what rules it out."""
         if scene.task.is_at_rest:
             return self.by_merit(scene)
-        return or_raise(self.until_good(scene, first_moving_motions(scene, under_way)))
+        found = self.until_good(scene, first_moving_motions(scene, under_way))
+        return or_raise(self._onto_belt(scene, found))
 
     def _through_passages(self, scene: Scene) -> list[Plan]:
         """The plan along short paths of straight lines past bodies, where no mesh finds its way:
@@ -342,12 +346,13 @@ class Run(Loop):
         found = list[Plan]()
         for corners in islice(paths_of_lines(scene), _PATHS) if usual else ():
             self.journal.note("near the corners of a path of straight lines:")
-            for gates in (near_corners(scene, corners), through_corners(scene, corners)):
+            for make in (near_corners, through_corners) if len(corners) > 2 else ():
+                gates = make(scene, corners)
                 through = if_possible(NO_PLAN, self.until_good, gates, through_gates(gates))
                 if isinstance(through, Plan) and is_clear(scene, through.trajectory):
                     found.append(through)
             timed = fastest_along(scene, corners, self.optimiser.tolerance)
-            if timed is not None:
+            if timed is not None and not scene.has_rates:
                 self.journal.note(f"on that path: {timed.trajectory.duration:.6g} s")
                 found.append(plan_of(scene, timed, self.optimiser.tolerance))
         if not found:
@@ -382,11 +387,6 @@ class Run(Loop):
 
 def _cost(plan: Plan) -> float:
     return plan.cost
-
-
-def _simply(scene: Scene) -> Iterator[Proposal]:
-    """First motions in phases or where an end moves, as if nothing followed the start."""
-    return through_gates(scene) if scene.task.gates else first_moving_motions(scene, None)
 
 
 def _resolvable(found: Plan) -> Plan:

@@ -184,7 +184,7 @@ class TrajectoryOptimiser:
         if moving:
             trajectory = moving_on(problem, trajectory)
         elif is_fastest:
-            trajectory = _safe(scene, trajectory, chosen.safe_factor, chosen.status)
+            trajectory = safe(scene, trajectory, chosen.safe_factor, chosen.status)
         gap = resolved.gap if resolved else gap_of([*iterations, *later], best)
         if not is_fastest:  # what it has cost to keep the limits between points
             ratio = solutions[best].cost / solutions[best - 1].cost
@@ -311,7 +311,7 @@ class TrajectoryOptimiser:
         return self.transcription or (SMOOTH if has_effort and not self._is_compiled else LINEAR)
 
 
-def _safe(scene: Scene, trajectory: Trajectory, factor: float, status: str) -> Trajectory:
+def safe(scene: Scene, trajectory: Trajectory, factor: float, status: str) -> Trajectory:
     """A motion slowed by a factor that keeps its limits, and until a fourth axis has turned.
 
     Raises NotConverged where no factor does.

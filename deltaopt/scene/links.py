@@ -27,8 +27,17 @@ def name_of(link: int) -> str:
 def rooms_at(scene: Scene, points: Array) -> Array:
     """By how much more than its radius and the scene's clearance each link stays away from each
     body, with the tool's point at points (N, 3), m: (N, 6, bodies). NaN out of reach."""
+    return _rooms(scene, LinkGeometry.of(delta_model(scene.robot, scene.payload), points))
+
+
+def rooms_of_arms(scene: Scene, angles: Array) -> Array:
+    """The same of the arms alone at angles (N, 3), rad: (N, 3, bodies)."""
+    robot = as_delta(scene.robot)
+    return _rooms(scene, LinkGeometry.at_angles(robot, np.zeros_like(angles), angles))[:, ::2]
+
+
+def _rooms(scene: Scene, geometry: LinkGeometry) -> Array:
     bodies = solids_about(scene.keep_out or ())
-    geometry = LinkGeometry.of(delta_model(scene.robot, scene.payload), points)
     found = [nearest(body, *geometry.links)[1] - kept_from_bodies(scene) for body in bodies]
     return np.stack(found, axis=2)
 

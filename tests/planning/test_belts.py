@@ -60,12 +60,23 @@ def test_a_belt_that_cannot_be_met_ends_in_a_sentence_on_what_was_searched(at, b
 def test_a_belt_that_leaves_too_soon_ends_in_a_sentence_on_when_it_can_be_met():
     """It is within reach for 75 ms, and 0.5 m away."""
     scene = towards((0.85, 0.2, 0.2), (0, 2.0, 0), start=(0.85, -0.2, -0.2))
-    with pytest.raises(NotConverged) as error:
+    with pytest.raises(Infeasible, match=r"take 2\.87 times as long") as error:
         plan(scene.model_copy(update={"via": [(0.8, 0.0, 0.0)]}))
     said = str(error.value)
     assert "which positions and speeds allow from 0 to 0.0754 s after the start" in said
     assert "4 attempts were made, and none led to one that keeps all limits" in said
     assert isinstance(error.value.__cause__, DeltaOptError)
+
+
+def test_no_way_past_a_wall_is_looked_for_to_a_belt_that_is_missed_without_it():
+    """Each would be solved on several meshes in vain."""
+    wall = {"box": {"from": [0.8, -0.05, -0.5], "to": [1.5, 0.0, 0.5]}}
+    missed = towards((0.85, 0.2, 0.2), (0, 2.0, 0), start=(0.85, -0.2, -0.2), keep_out=[wall])
+    lines = list[str]()
+    with pytest.raises(Infeasible, match=r"take [\d.]+ times as long as the belt, or more"):
+        plan(missed, progress=lines.append)
+    assert lines
+    assert not [line for line in lines if line.startswith("the way ")]
 
 
 def test_a_state_that_is_not_reached_is_told_in_words_of_its_own():

@@ -56,3 +56,17 @@ def test_bodies_that_no_link_comes_near_change_nothing():
 def test_on_a_given_path_there_is_no_way_around():
     with pytest.raises(Infeasible, match=r"^the path: on it forearm \d comes .* to keep_out\[0\]"):
         plan(COLUMN.model_copy(update={"path": "line"}))
+
+
+def test_an_arm_that_turns_past_a_body_at_any_rate_is_named():
+    """Where an arm is depends on its angle alone, and a body there is on no way around."""
+    industrial = load_scene(PROBLEMS / "industrial_cross.yaml")
+    ends = lines(industrial, np.linspace(*industrial.given_points, 41))
+    middles = (ends[0] + ends[1])[:, ::2] / 2
+    turned = np.linalg.norm(middles - middles[:1], axis=-1)
+    arm = int(turned[-1].argmax())
+    half = int(np.abs(turned[:, arm] - turned[-1, arm] / 2).argmin())
+    sphere = {"centre": middles[half, arm].tolist(), "radius": float(turned[-1, arm]) / 8}
+    with_sphere = {"keep_out": [{"sphere": sphere}], "robot_keeps_clear": True}
+    with pytest.raises(Infeasible, match=rf"arm {arm + 1} turns past .* to keep_out\[0\]$"):
+        plan(industrial.model_copy(update=with_sphere))

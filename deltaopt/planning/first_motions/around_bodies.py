@@ -142,7 +142,7 @@ def _through_passages(scene: Scene, bodies: Bodies) -> Iterator[Way]:
         if motion is not None:
             yield Way(motion, bodies.sides(drawn))
             return
-    motion = _with_stops(scene, corners)
+    motion = with_stops(scene, corners)
     if motion is not None:
         yield Way(motion, bodies.sides(band))
 
@@ -202,7 +202,7 @@ def _turns_back(before: Array, place: Array, after: Array) -> bool:
     return float((arriving * leaving).sum()) < _BACK * dist(place, before) * dist(after, place)
 
 
-def _with_stops(scene: Scene, corners: Array) -> Trajectory | None:
+def with_stops(scene: Scene, corners: Array) -> Trajectory | None:
     """The motion along straight lines, at rest at every corner, (n, 3), m; None where it cannot be
     driven."""
     model = model_of(scene.robot, scene.payload)

@@ -81,10 +81,10 @@ def stopping(scene: Scene) -> Trajectory | None:
     return _quintic(scene, lambda T: (start, EndState(_stopped(start, T))))
 
 
-def from_state_to_state(scene: Scene) -> Trajectory | None:
-    """The shortest quintic that nearly keeps the limits at samples, or the one that exceeds them
-    least; None if none stays within reach."""
-    return shortest_to_goal(scene, _quintics_to_goal(scene))
+def from_state_to_state(scene: Scene, most: float = _NEARLY) -> Trajectory | None:
+    """The shortest quintic that nearly keeps the limits at samples, to ``most`` of them, or the one
+    that exceeds them least; None if none stays within reach."""
+    return shortest_to_goal(scene, _quintics_to_goal(scene), most)
 
 
 def _quintics_to_goal(scene: Scene) -> Family:
@@ -93,20 +93,20 @@ def _quintics_to_goal(scene: Scene) -> Family:
     return _quintics(lambda T: _ends(task.start, task, T))
 
 
-def shortest_to_goal(scene: Scene, family: Family) -> Trajectory | None:
+def shortest_to_goal(scene: Scene, family: Family, most: float = _NEARLY) -> Trajectory | None:
     """``shortest_of`` a family of motions to the goal of a scene. On a belt that goal is in reach
     for some time alone: of durations at which it can be met where others do not lead there.
 
     Raises Infeasible where the belt cannot be met.
     """
     goal = scene.task.goal
-    found = shortest_of(scene, family)
+    found = shortest_of(scene, family, most=most)
     if not isinstance(goal, MovingPoint):
         return found
     meetings = Meetings.of(scene, goal).require_any()
     if found is not None and meetings.is_possible_at(found.duration):
         return found
-    return shortest_of(scene, family, meetings.durations, meetings.within) or found
+    return shortest_of(scene, family, meetings.durations, meetings.within, most) or found
 
 
 def _waiting(scene: Scene) -> Iterator[Trajectory]:
@@ -244,12 +244,13 @@ def shortest_of(
     family: Family,
     durations: Array = _COARSE,
     possible: Callable[[Array], Array] = np.asarray,
+    most: float = _NEARLY,
 ) -> Trajectory | None:
-    """The shortest motion of a family that nearly keeps the limits at samples, or the one that
+    """The shortest motion of a family that keeps ``most`` of the limits at samples, or the one that
     exceeds them least; None if none stays within reach. ``durations``: that are looked at first, s,
     increasing; others near the best of them are looked at then, as far as they are ``possible``."""
-    best = _best(scene, family, durations)
-    best = None if best is None else _best(scene, family, possible(best * _FINE))
+    best = _best(scene, family, durations, most)
+    best = None if best is None else _best(scene, family, possible(best * _FINE), most)
     if best is None:
         return None
     coefficients, lengths = family(np.array([best]))
@@ -258,7 +259,7 @@ def shortest_of(
     return Trajectory(position, model_of(scene.robot, scene.payload))
 
 
-def _best(scene: Scene, family: Family, durations: Array) -> float | None:
+def _best(scene: Scene, family: Family, durations: Array, most: float) -> float | None:
     """The best of some durations (s), increasing; None of none, and if none stays within reach."""
     if not len(durations):
         return None
@@ -268,7 +269,7 @@ def _best(scene: Scene, family: Family, durations: Array) -> float | None:
     highest = sizes.reshape(len(durations), -1).max(axis=1)
     if not np.isfinite(highest).any():
         return None
-    keeping = np.flatnonzero(highest <= _NEARLY)
+    keeping = np.flatnonzero(highest <= most)
     return float(durations[keeping[0] if len(keeping) else np.nanargmin(highest)])
 
 

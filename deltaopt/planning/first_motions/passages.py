@@ -13,7 +13,7 @@ not random, after Bohlin and Kavraki 2000).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, pairwise, product
 from math import dist, hypot, inf, tau
@@ -53,6 +53,9 @@ line is blocked, or ends; with the finer grid one takes some 20 ms where there i
 _STEPS = (16, 32)
 """Of grids over all that the robot reaches, along the reach of a chain, which are looked at where
 none of these leads to the goal. The second takes some 0.1 s."""
+_FARTHER = (0.0, 0.5)
+"""Of the distance of neighbours in such a grid: how far from bodies its places are besides. Between
+places that are nearer lines may lead through their corners."""
 _ROOM = 0.6
 """By what share of the way from start to goal the grid reaches beyond both."""
 _LARGEST = 100.0
@@ -103,11 +106,9 @@ def _far_around(lines: _Lines) -> Array | None:
     """A path over a grid of all that the robot reaches, cut short; None if there is none of clear
     lines."""
 
-    def room(places: Array) -> Array:
-        return np.where(lines.are_clear_places(places), room_at_rest(lines.without, places), -1.0)
-
-    for steps in _STEPS:
-        path = path_over_grid(lines.without, steps, room)
+    for steps, share in product(_STEPS, _FARTHER):
+        apart = spacing(lines.scene, steps)
+        path = path_over_grid(lines.without, steps, replace(lines, spare=share * apart).room)
         if path is not None and lines.lead_along(path):
             return lines.cut_short(path)
     return None
@@ -165,6 +166,10 @@ class _Lines:
     def clear_places(self, places: Array) -> Array:
         """Those that are clear of bodies and where the platform can be held."""
         return places[self.are_clear_places(places) & self._can_be_held(places)]
+
+    def room(self, places: Array) -> Array:
+        """The room for the platform at rest at places, (N,), negative where they are not clear."""
+        return np.where(self.are_clear_places(places), room_at_rest(self.without, places), -1.0)
 
     def are_clear_places(self, places: Array) -> Truths:
         """Which places, (N, 3), are clear of bodies, (N,)."""

@@ -22,6 +22,7 @@ from deltaopt.planning.first_motions.belt import Meetings
 from deltaopt.planning.first_motions.moving_ends import (
     end_of,
     first_between,
+    first_moving_motions,
     from_rest,
     shortest_to_goal,
     stopping,
@@ -70,6 +71,11 @@ def through_gates(scene: Scene) -> Iterator[Proposal]:
         onwards = through_gates(_after(scene, stop))
         while (later := if_possible(RULED_OUT, next, onwards, None)) is not None:
             yield Proposal(f"a stop, then {later.name}", _then(stop, later.motion))
+
+
+def simple_motions(scene: Scene) -> Iterator[Proposal]:
+    """First motions in phases or where an end moves, as if nothing followed the start."""
+    return through_gates(scene) if scene.task.gates else first_moving_motions(scene, None)
 
 
 def places_of_gates(scene: Scene) -> Iterator[Array]:

@@ -3,7 +3,7 @@
 Each leg is planned past the bodies from rest to rest, with all ways that this knows, and the legs
 are joined; a start that moves comes to rest first, and a goal that is passed at a velocity has a
 run-up. Such a motion is far from the best but on its side of every body: a first motion, and the
-plan where none leads to another.
+plan where none leads to another: `Loop.at_worst`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.moving_ends import end_of, run_up_to, start_of, stopping
 from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.planning.first_motions.through_gates import places_of_gates
-from deltaopt.planning.plan import Plan, plan_of_parts
+from deltaopt.planning.plan import Plan
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.moving_ends import Start
 from deltaopt.scene.objective import Time
@@ -38,16 +38,6 @@ def proposed_in_legs(scene: Scene, planned: Planned, slower: float) -> Iterator[
             for leg in legs
         ]
         yield Proposal("motions past the bodies from rest to rest", _joined(parts), len(parts))
-
-
-def plan_in_legs(scene: Scene, planned: Planned) -> Plan | None:
-    """The shortest plan that rests between legs, whose gap is not known; None where there is none,
-    and for costs other than time."""
-    found = _in_legs(scene, planned) if isinstance(scene.objective, Time) else ()
-    legs = min(found, key=lambda each: sum(leg.duration for leg in each), default=None)
-    if legs is None:
-        return None
-    return plan_of_parts(scene, _joined([leg.trajectory for leg in legs]), legs)
 
 
 def _in_legs(scene: Scene, planned: Planned) -> Iterator[list[Plan]]:
