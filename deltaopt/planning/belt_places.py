@@ -28,7 +28,7 @@ meet the belt: each takes as long as a plan. Between more of them shorter meetin
 _HALVINGS = 4
 """How often the time between the last place that is reached too late and the first that is not is
 halved: the first motion then waits for a few per cent of its duration at most."""
-_TOO_LATE = 1.2
+_TOO_LATE = 1.05
 """How many times as long as the belt the fastest motions to all places take, or more, where it is
 not met, with bodies in the way or without."""
 _LEAST_WAIT = 1e-3
