@@ -160,6 +160,7 @@ def _work(found: Plan) -> int:
 
 
 def _without(move: Scene) -> Scene:
+    assert isinstance(move.robot, Robot)
     return move.model_copy(update={"robot": _with(move.robot, None, None)})
 
 

@@ -67,8 +67,8 @@ solves 95 % in 20 iterations, that of a near guess 57 % in 44: with a small barr
 creeps along a body. Where the method does not converge with the first, another
 mostly does, in far less time than Ipopt, which comes last."""
 _CREEPING = 180
-"""Iterations from a near guess where Coulomb friction is softer: reversals drift along a flat valley.
-Other beginnings would creep through it once more, from farther away."""
+"""Iterations from a near guess where Coulomb friction is softer: reversals drift along a flat
+valley. Other beginnings would creep through it once more, from farther away."""
 _IPOPT_INSTEAD = 100
 """Number of intervals of the finest mesh that Ipopt is given where the method does not converge. On
 finer ones another mesh or another first motion succeeds sooner; and where matrices are nearly
