@@ -2,68 +2,154 @@
 
 Each move is planned by a robot with friction and by the same robot without Coulomb friction. Told
 are processor time and work (iterations times intervals) with friction as multiples of those
-without, and how many plans miss their tolerance or are longer than the best that is known, from
-other first meshes, by more than their own gap.
+without, and how many plans miss their tolerance, are not verified, or are longer than the best that
+is known, from other first meshes and to a tighter tolerance, by more than their own gap. Every move
+is kept in a file as soon as it is measured; a run that is begun again goes on where that ends.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import partial
+from itertools import zip_longest
+from math import inf
+from pathlib import Path
 
 import numpy as np
 
-from deltaopt import Plan, Scene, load_robot, plan
+from deltaopt import Plan, Scene, load_robot, plan, verify
 from deltaopt.cli.arguments import positive
+from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.planning.plan import Iteration
+from deltaopt.robot.drive import Friction
 from deltaopt.robot.robot import Robot
 from studies.bench.random_scenes import random_scenes
 from studies.problems import PROBLEMS
+from studies.records import read_records, write_records
 from studies.timed import attempted
 
 HELP = "what Coulomb friction costs in time"
-SMALL = {"moves": 3}
-CASES = (("industrial_drive", 2.0, 0.05), ("industrial_drive", 2.0, 0.01), ("packer", 0.5, 0.1))
-"""Robots, their Coulomb friction in N·m, and the speed in which it changes its sign, rad/s."""
-_MESHES = (20, 24, 32)
-"""Intervals of the other first meshes."""
+SMALL = {"moves": 1}
+CASES = (
+    ("industrial_drive", 0.5, 2.0, 0.05),
+    ("industrial_drive", 0.5, 2.0, 0.01),
+    ("packer", 0.5, 0.5, 0.1),
+    ("industrial", 1.0, 3.0, 0.03),
+    ("orsino", 0.1, 0.4, 0.05),
+    ("rl5", 0.5, 15.0, 0.02),
+    ("hornet_565", 0.5, 1.5, 0.1),
+)
+"""Robots, payloads in kg, their Coulomb friction in N·m, and the speed in which it changes its
+sign, rad/s."""
+_OTHERS: tuple[dict[str, float], ...] = (
+    {"intervals": 20},
+    {"intervals": 24},
+    {"intervals": 32},
+    {"tolerance": 1e-4},
+)
+"""Settings of the plans that the usual one is held against."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What is known of a move: processor seconds without and with friction, work as a multiple of
+    that without, and of the plan with friction how long it takes (s), its gap, whether it is within
+    its tolerance, whether it is verified, and the least duration that is known (s)."""
+
+    case: int
+    move: int
+    plain: float
+    spent: float
+    work: float
+    duration: float
+    gap: float
+    within: bool
+    verified: bool
+    best: float
+    meshes: int
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--moves", type=positive, default=50, metavar="N", help="of each robot")
     parser.add_argument("--seed", type=int, default=11, metavar="N", help="of the random moves")
+    parser.add_argument(
+        "--best", action="store_true", help="look for shorter plans of each move, in ten times"
+    )
+    parser.add_argument(
+        "--kept", type=Path, metavar="CSV", help="where moves are kept, and a run goes on from"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
+    kept: Path | None = arguments.kept
+    told = read_records(kept, Measured) if kept and kept.exists() else []
+    bar = ProgressBar().counting(arguments.moves * len(CASES), "moves")
+    drawn = zip_longest(*(_moves(k, arguments.moves, arguments.seed) for k in range(len(CASES))))
+    moves = [each for together in drawn for each in together if each is not None]
+    for done, (case, index, move) in enumerate(moves):
+        if done >= len(told):
+            told.append(_measured(case, index, move, arguments.best))
+            if kept:
+                write_records(kept, told, Measured)
+        bar(done + 1)
     print("times of a plan without Coulomb friction at 50, 90, 99 % and most: time; work; plans")
-    for name, coulomb, speed in CASES:
-        robot = load_robot(PROBLEMS / "robots" / f"{name}.yaml")
-        moves = list(
-            random_scenes(_with(robot, coulomb, speed), 0.5, arguments.moves, arguments.seed)
-        )
-        plan(moves[0])  # what is compiled once is compiled now
-        plan(_of(moves[0], _with(robot, None, None)))
-        told = [_measured(move, _of(move, _with(robot, None, None))) for move in moves]
-        time, work, missed, longer = np.array([each for each in told if each]).T
-        shares = [
-            "  ".join(f"{v:.1f}" for v in np.percentile(x, [50, 90, 99, 100])) for x in (time, work)
-        ]
-        print(
-            f"{name}, {speed:g} rad/s: {shares[0]};  {shares[1]};  {len(time)} of {len(moves)}, "
-            f"{missed.sum():.0f} missed, {longer.sum():.0f} longer than known"
-        )
+    for k, (name, _, coulomb, speed) in enumerate(CASES):
+        of_case = [each for each in told if each.case == k]
+        print(f"{name}, {coulomb:g} N·m, {speed:g} rad/s: {_in_words(of_case, arguments.best)}")
+    print(f"all: {_in_words(told, arguments.best)}")
     return 0
 
 
-def _measured(move: Scene, without: Scene) -> tuple[float, float, bool, bool] | None:
-    plain, _, usual = attempted(lambda: plan(without))
-    found, _, spent = attempted(lambda: plan(move))
-    if plain is None or found is None:
-        return None
-    others = (attempted(partial(plan, move, intervals=n))[0] for n in _MESHES)
-    best = min([found.duration, *(other.duration for other in others if other)])
-    longer = found.duration > (1 + found.gap) * best
-    return spent / usual, _work(found) / _work(plain), not found.within_tolerance, longer
+def _in_words(told: list[Measured], best: bool) -> str:
+    ratios = [[each.spent / each.plain for each in told], [each.work for each in told]]
+    shares = ["  ".join(f"{v:.1f}" for v in np.percentile(x, [50, 90, 99, 100])) for x in ratios]
+    missed = sum(not each.within for each in told)
+    wrong = sum(not each.verified for each in told)
+    longer = sum(each.duration > (1 + each.gap) * each.best for each in told)
+    known = f", {longer} longer than known" if best else ""
+    return f"{shares[0]};  {shares[1]};  {len(told)}, {missed} missed, {wrong} not verified{known}"
+
+
+def _moves(case: int, number: int, seed: int) -> Iterator[tuple[int, int, Scene]]:
+    name, payload, coulomb, speed = CASES[case]
+    robot = _with(load_robot(PROBLEMS / "robots" / f"{name}.yaml"), coulomb, speed)
+    for index, move in enumerate(random_scenes(robot, payload, number, seed)):
+        if index == 0:  # what is compiled once is compiled now
+            plan(move)
+            plan(_without(move))
+        yield case, index, move
+
+
+def _measured(case: int, index: int, move: Scene, best: bool) -> Measured:
+    """A move with friction beside that without; a refusal is an infinite duration and gap."""
+    times = [attempted(partial(plan, _without(move))) for _ in range(3)]
+    plain = times[0][0]
+    assert plain is not None
+    found, _, spent = attempted(partial(plan, move))
+    if spent < 1:
+        spent = min(spent, *(attempted(partial(plan, move))[2] for _ in range(2)))
+    others = [attempted(partial(plan, move, **other))[0] for other in _OTHERS * best]  # type: ignore[arg-type]
+    known = [other.duration for other in (found, *others) if other]
+    least = min(each[2] for each in times)
+    if found is None:
+        return Measured(
+            case, index, least, spent, inf, inf, inf, False, False, min(known, default=inf), 0
+        )
+    return Measured(
+        case,
+        index,
+        least,
+        spent,
+        _work(found) / _work(plain),
+        found.duration,
+        found.gap,
+        found.within_tolerance,
+        verify(move, found.trajectory).ok,
+        min(known),
+        len(found.meshes),
+    )
 
 
 def _work(found: Plan) -> int:
@@ -71,12 +157,16 @@ def _work(found: Plan) -> int:
     return sum(mesh.iterations * mesh.intervals for mesh in meshes)
 
 
-def _of(move: Scene, robot: Robot) -> Scene:
-    return move.model_copy(update={"robot": robot})
+def _without(move: Scene) -> Scene:
+    assert isinstance(move.robot, Robot)
+    return move.model_copy(update={"robot": _with(move.robot, None, None)})
 
 
 def _with(robot: Robot, coulomb: float | None, speed: float | None) -> Robot:
-    assert robot.drive.friction is not None
-    friction = robot.drive.friction.model_copy(update={"coulomb": coulomb, "speed": speed})
-    drive = robot.drive.model_copy(update={"friction": friction})
+    known = robot.drive.friction
+    friction = (known or Friction(viscous=None, coulomb=1.0, speed=1.0)).model_copy(
+        update={"coulomb": coulomb, "speed": speed}
+    )
+    none = friction.viscous is None and coulomb is None
+    drive = robot.drive.model_copy(update={"friction": None if none else friction})
     return robot.model_copy(update={"drive": drive})

@@ -98,11 +98,14 @@ class PointEquations:
             rates[Running.JERK] = ca.sumsqr(y[9:12] / y[-1] ** 3)
         if has_rates:
             rates[Running.TORQUE_RATE] = ca.sumsqr(p.torque * y[-4:-1] / T)
+        force = force * functions.lever(p.mechanism) / ca.mmax(p.torque)
+        if saturating.numel():  # shared before they are derived, or much is derived twice
+            force, rows, saturating, covers = ca.cse([force, rows, saturating, covers])
         return cls(
             constraints=constraints,
             y=y,
             parameters=parameters,
-            force=force * functions.lever(p.mechanism) / ca.mmax(p.torque),
+            force=force,
             rows=rows,
             rates=rates,
             saturating=saturating,

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 
+from deltaopt.planning.flat.equations import point_equations
 from deltaopt.planning.nlp.softening import Softening
 from deltaopt.planning.planner import Planner
 from deltaopt.problem.of_scene import problem_of
@@ -57,3 +59,22 @@ def test_a_move_needs_no_search():
     )
     assert plan.within_tolerance
     assert len(plan.journal) == 1
+
+
+def test_kinematics_are_evaluated_once():
+    """Friction asks for speeds of arms, and so do limits: square roots of the chains are taken
+    once, as without friction."""
+    without = DRIVE.robot.drive.model_copy(update={"friction": None})
+    scenes = (DRIVE, DRIVE.model_copy(update={"robot": _with(without)}))
+    roots = []
+    for scene in scenes:
+        problem = problem_of(scene)
+        equations = point_equations(problem.model.functions, problem.limits.constraints)
+        values = equations.point_problem(None).functions.values
+        operations = [values.instruction_id(k) for k in range(values.n_instructions())]
+        roots.append(operations.count(ca.OP_SQRT))
+    assert roots[0] == roots[1]
+
+
+def _with(drive):
+    return DRIVE.robot.model_copy(update={"drive": drive})
