@@ -42,8 +42,9 @@ _MARGIN = 0.01
 _DEEP, _DEARER, _PUSHED = 0.15, 3.0, 32
 """Of the way, how deep in a body a bow may be that is pushed; by what share of its time it counts
 as slower for each length of the way that it is deep; and how many are pushed at most."""
-_DRAWN = np.full(5, 1.0)
-"""Tensions with which bows are drawn to their path while they are pushed, step by step."""
+_DRAWN = np.array([2.0, 1.0, 1.0, 1.0, 0.5, 0.3])
+"""Tensions with which bows are drawn to their path while they are pushed, step by step: with five
+steps of 1 more neighbouring problems took different ways."""
 _SLOWEST, _MOST = 2.0, 8
 """How much longer than the fastest a bow may take, and how many are kept."""
 
