@@ -85,16 +85,17 @@ def ways_around(
     scene: Scene, first: Trajectory, free: Trajectory | None = None
 ) -> Iterator[list[Way]]:
     """The ways past the bodies of a scene, from one source after the other, of each the one that is
-    driven fastest first: bows, then bands, or the path of straight lines where there are none.
-    ``first``: a motion that may run into bodies. ``free``: the fastest one without them, if
-    it is known: ways that are much as it is are fast."""
-    if is_clear(scene, first):
-        yield [Way(first, ())]
-        return
-    bodies = Bodies.of(scene)
-    yield _drawn_ways(scene, bodies, bows(bodies, sampled(free or first)))
-    drawn = _drawn_ways(scene, bodies, clear_bands(bodies, sampled(first)))
-    yield drawn or list(_through_passages(scene, bodies))
+    driven fastest first: bows, and ``first`` where that is clear of bodies; where it is not, then
+    bands, or the path of straight lines where there are none. ``free``: the fastest motion without
+    bodies, if it is known: ways that are much as it is are fast."""
+    bodies, clear = Bodies.of(scene), is_clear(scene, first)
+    found = [Way(first, ())] if clear else []
+    if free or not clear:
+        found += _drawn_ways(scene, bodies, bows(bodies, sampled(free or first)))
+    yield found
+    if not clear:
+        drawn = _drawn_ways(scene, bodies, clear_bands(bodies, sampled(first)))
+        yield drawn or list(_through_passages(scene, bodies))
 
 
 def _drawn_ways(scene: Scene, bodies: Bodies, paths: Iterable[Array]) -> list[Way]:
