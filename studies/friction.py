@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import zip_longest
 from math import inf
-from pathlib import Path
 
 import numpy as np
 
@@ -26,8 +25,8 @@ from deltaopt.planning.plan import Iteration
 from deltaopt.robot.drive import Friction
 from deltaopt.robot.robot import Robot
 from studies.bench.random_scenes import random_scenes
-from studies.problems import PROBLEMS
-from studies.records import read_records, write_records
+from studies.kept_rows import kept_rows
+from studies.problems import PROBLEMS, add_directory
 from studies.timed import attempted
 
 HELP = "what Coulomb friction costs in time"
@@ -77,23 +76,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--best", action="store_true", help="look for shorter plans of each move, in ten times"
     )
-    parser.add_argument(
-        "--kept", type=Path, metavar="CSV", help="where moves are kept, and a run goes on from"
-    )
+    add_directory(parser, "friction", "moves")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    kept: Path | None = arguments.kept
-    told = read_records(kept, Measured) if kept and kept.exists() else []
-    bar = ProgressBar().counting(arguments.moves * len(CASES), "moves")
     drawn = zip_longest(*(_moves(k, arguments.moves, arguments.seed) for k in range(len(CASES))))
-    moves = [each for together in drawn for each in together if each is not None]
-    for done, (case, index, move) in enumerate(moves):
-        if done >= len(told):
-            told.append(_measured(case, index, move, arguments.best))
-            if kept:
-                write_records(kept, told, Measured)
-        bar(done + 1)
+    moves = {
+        (case, index): move for together in drawn for case, index, move in filter(None, together)
+    }
+    kind = "best" if arguments.best else "moves"
+    told = kept_rows(
+        arguments.directory / f"{kind}_{arguments.seed}.csv",
+        Measured,
+        moves,
+        lambda row: (row.case, row.move),
+        lambda key: _measured(*key, moves[key], arguments.best),
+        ProgressBar().counting(len(moves), "moves"),
+    )
     print("times of a plan without Coulomb friction at 50, 90, 99 % and most: time; work; plans")
     for k, (name, _, coulomb, speed) in enumerate(CASES):
         of_case = [each for each in told if each.case == k]

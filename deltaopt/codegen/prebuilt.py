@@ -16,7 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from pathlib import Path
 
-from deltaopt.codegen.c_compiler import FLAGS, LEVELS, Compiler, Level
+from deltaopt.codegen.c_compiler import BASELINE, LEVELS, Compiler, Level
 from deltaopt.codegen.library_file import intact, put
 from deltaopt.errors import DeltaOptError
 
@@ -74,22 +74,22 @@ def prebuild(sources: Collection[str], folder: Path, compiler: Compiler) -> None
     """
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         todo = [
-            pool.submit(_compile, _OLD_LIBC + s, _library(folder, v, s), v.flags, compiler)
+            pool.submit(_compile, _OLD_LIBC + s, _library(folder, v, s), v, compiler)
             for v in LEVELS
             for s in sources
         ]
         for each in todo:
             each.result()
     for level in LEVELS:
-        _compile(_probe_source(level), folder / level.name / f"{_PROBE}.so", (), compiler)
+        _compile(_probe_source(level), folder / level.name / f"{_PROBE}.so", BASELINE, compiler)
 
 
-def _compile(text: str, library: Path, flags: tuple[str, ...], compiler: Compiler) -> None:
+def _compile(text: str, library: Path, level: Level, compiler: Compiler) -> None:
     library.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
         source, built = Path(scratch) / "a.c", Path(scratch) / "a.so"
         source.write_text(text)
-        if not compiler.compile(source, built, (*FLAGS, *flags)):
+        if not compiler.compile(source, built, compiler.flags_at(level)):
             raise DeltaOptError(f"{compiler.command} does not compile {library.name}")
         put(built, library)
 

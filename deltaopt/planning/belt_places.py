@@ -29,8 +29,8 @@ _HALVINGS = 4
 """How often the time between the last place that is reached too late and the first that is not is
 halved: the first motion then waits for a few per cent of its duration at most."""
 _TOO_LATE = 1.05
-"""How many times as long as the belt the fastest motions to all places take, or more, where it is
-not met, with bodies in the way or without."""
+"""Where each of the fastest motions to all places takes more than this many times as long as the
+belt takes to get there, the belt is not met, with bodies in the way or without."""
 _LEAST_WAIT = 1e-3
 """Of the motion that follows: a shorter wait would be an interval of hardly any length."""
 
@@ -118,4 +118,4 @@ class PlacesOnBelt:
         still = PiecewisePolynomial(np.array([0.0, wait]), start)
         model = model_of(self.scene.robot, self.scene.payload)
         motion = Trajectory(still.then(moving), model)
-        return plan_as_it_is(self.scene, motion, plan.formulation, plan.tolerance)
+        return plan_as_it_is(self.scene, motion, plan.tolerance, plan.formulation)

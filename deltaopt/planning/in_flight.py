@@ -17,7 +17,7 @@ from deltaopt.motion.trajectory import Trajectory, moving_on
 from deltaopt.planning.first_motions.around_bodies import is_clear
 from deltaopt.planning.first_motions.moving_ends import end_of, from_rest
 from deltaopt.planning.mesh.kept_limits import KEPT
-from deltaopt.planning.plan import Plan
+from deltaopt.planning.plan import Plan, plan_as_it_is
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
@@ -95,18 +95,8 @@ def _finished(scene: Scene, under_way: PiecewisePolynomial, tolerance: float) ->
     trajectory = moving_on(problem_of(scene), motion)
     if not _is_kept(scene, trajectory):
         return None
-    return Plan(
-        scene=scene,
-        trajectory=trajectory,
-        formulation="the motion under way",
-        transcription="the motion under way",
-        intervals=len(trajectory.knots) - 1,
-        status="Finished",
-        iterations=0,
-        solve_seconds=0.0,
-        gap=inf,
-        tolerance=tolerance,
-    )
+    origin = "the motion under way"
+    return plan_as_it_is(scene, trajectory, tolerance, origin, origin, "Finished")
 
 
 def _is_kept(scene: Scene, trajectory: Trajectory) -> bool:

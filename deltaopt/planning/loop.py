@@ -141,15 +141,17 @@ class Loop:
         try:
             return planned(scene)
         except NO_PLAN:
+            if not isinstance(scene.objective, Time):
+                raise
             begun = (a.motion for a in self.attempts if a.scene.task.gates == scene.task.gates)
             motions = dict.fromkeys([*begun, *slow_motions(scene)])  # each once, in their order
             kept = [if_possible(NO_PLAN, _kept, scene, motion) for motion in motions]
             best = min((one for one in kept if one), key=lambda one: one.duration, default=None)
-            if best is None or not isinstance(scene.objective, Time):
+            if best is None:
                 raise
             self.journal.note(f"of these the fastest that keeps all limits: {best.duration:.6g} s")
             name, tolerance = self.optimiser.problem_formulation.name, self.optimiser.tolerance
-            return plan_as_it_is(scene, best, name, tolerance)
+            return plan_as_it_is(scene, best, tolerance, name)
 
 
 def _kept(scene: Scene, motion: Trajectory) -> Trajectory | None:

@@ -260,16 +260,23 @@ class Plan:
         return self.gap <= self.tolerance
 
 
-def plan_as_it_is(scene: Scene, motion: Trajectory, formulation: str, tolerance: float) -> Plan:
+def plan_as_it_is(
+    scene: Scene,
+    motion: Trajectory,
+    tolerance: float,
+    formulation: str,
+    transcription: str = "a first motion",
+    status: str = "As_It_Is",
+) -> Plan:
     """The plan of a motion that keeps all limits and that no solver has changed, whose gap is not
-    known."""
+    known; the words say where it comes from."""
     return Plan(
         scene=scene,
         trajectory=moving_on(problem_of(scene), motion),
         formulation=formulation,
-        transcription="a first motion",
+        transcription=transcription,
         intervals=len(motion.knots) - 1,
-        status="As_It_Is",
+        status=status,
         iterations=0,
         solve_seconds=0.0,
         gap=inf,

@@ -24,9 +24,9 @@ _PATHS = 2
 def slow_motions(scene: Scene) -> Iterator[Trajectory]:
     """A quintic that keeps limits where an end moves; past bodies motions from rest to rest along
     paths of straight lines, with a stop at each of their corners."""
-    found: Iterator[Trajectory | None] = iter(())
     if scene.task.gates:
         return
+    found: Iterator[Trajectory | None] = iter(())
     if scene.moves_at_ends:
         found = iter([if_possible(RULED_OUT, from_state_to_state, scene, _KEPT)])
     elif limits_of(scene).constraints.has_convex and scene.tube is None:
