@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.limits.limit import Column
+from deltaopt.limits.singularities import margin
 from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.robot.tool import Box, Sphere
 from deltaopt.scene.bodies import Body, Cylinder, HalfSpace
@@ -33,9 +34,9 @@ step of the last, which takes a minute, is not found: then a move is called impo
 """
 _IN_CYLINDER = 9, 33
 """Points of a grid across and along the cylinder of an approach."""
-_FOLDED, _FLAT = 1e-3, 5e-3
-"""Least sin² of the angle between arm and bars, and least volume of the bars' directions, on the
-path: nearer to singularities torques are known to few digits."""
+_FLAT = 5e-3
+"""Least volume of the bars' directions on the path: nearer to singularities torques are known to
+few digits."""
 _BETWEEN = np.linspace(0.0, 1.0, 7)[1:, None]
 _AT_ONCE = 20_000
 """Points that are looked at in one go: a hundred million numbers of them would fill the memory."""
@@ -142,13 +143,15 @@ class _Free:
     """Where the platform of a scene may be at rest with something to spare.
 
     ``statics``: with each mass that it carries. ``torque``: the largest of each motor, (3,), N·m.
-    ``side``: 1 or -1, the sign of the volume of the bars' directions at the start.
+    ``side``: 1 or -1, the sign of the volume of the bars' directions at the start. ``folded``: the
+    least sin² of the angle between arm and bars that motions between these ends keep.
     """
 
     scene: Scene
     statics: tuple[Statics, ...]
     torque: Array
     side: float
+    folded: float
 
     @classmethod
     def of(cls, scene: Scene) -> _Free:
@@ -156,8 +159,9 @@ class _Free:
         statics = tuple(Statics(as_delta(scene.robot), load) for load in loads)
         limit = scene.given("torque")
         torque = np.minimum(scene.robot.torque_limits, np.inf if limit is None else limit)
-        start = np.array(scene.given_points[:1])
-        return cls(scene, statics, torque, float(np.sign(statics[0].at(start).volumes[0])))
+        ends = statics[0].at(np.array(scene.given_points))
+        folded = margin(float(ends.alignments.min()))
+        return cls(scene, statics, torque, float(np.sign(ends.volumes[0])), folded)
 
     def __call__(self, points: Array) -> Truths:
         parts = np.array_split(points, -(-len(points) // _AT_ONCE) or 1)
@@ -176,7 +180,7 @@ class _Free:
 
     def _in_ranges(self, at: AtRest) -> Truths:
         least = max(_FLAT, self.scene.given("parallel_singularity") or 0.0)
-        inside = (at.alignments > _FOLDED).all(axis=1) & (self.side * at.volumes > least)
+        inside = (at.alignments > self.folded).all(axis=1) & (self.side * at.volumes > least)
         joints = self.scene.robot.joints
         if joints and joints.arm:
             low, high = joints.arm

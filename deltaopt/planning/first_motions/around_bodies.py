@@ -77,7 +77,7 @@ def no_way(scene: Scene) -> str:
     """A sentence for a scene in which no way past the bodies is found."""
     return (
         "start and goal are clear of all bodies, but no way past these is found: "
-        f"{what_was_searched(scene)} lead there"
+        f"{what_was_searched(scene)} lead there within all limits and clear of singularities"
     )
 
 
