@@ -75,6 +75,14 @@ def with_bodies(
     return move.model_copy(update={"robot": robot, "keep_out": bodies, "clearance": clearance})
 
 
+def bodies_about(
+    move: deltaopt.Scene, number: int, rng: np.random.Generator
+) -> list[dict[str, Any]]:
+    """So many spheres, boxes and cylinders about the straight line of a move."""
+    kinds = rng.integers(_ROUNDED, size=number)
+    return [BODIES[kind](rng, *_place(rng, move)) for kind in kinds]
+
+
 def _place(rng: np.random.Generator, move: deltaopt.Scene) -> tuple[Array, float]:
     """A place beside the straight line of a move, and its length, m."""
     start, goal = (np.array(point) for point in move.given_points)
@@ -129,7 +137,7 @@ BODIES: tuple[Callable[[np.random.Generator, Array, float], dict[str, Any]], ...
     _hull,
 )
 """Makers of a body of each kind about a place, m, near a line of a length, m."""
-_HULL = len(BODIES) - 1
+_HULL, _ROUNDED = len(BODIES) - 1, 3
 
 
 def box(low: Array, high: Array) -> dict[str, Any]:
