@@ -171,13 +171,16 @@ class _Newton:
         return min(share, _SHRINK / max(float(shrink.max()), 1e-300))
 
     def _polished(self) -> PrimalDualPoint:
-        """The converged point, without a barrier with the multipliers that share its symmetry."""
-        point = self._system.at
+        """The converged point, without a barrier with the multipliers that share its symmetry,
+        unless these lead away from it: where rows all but imply each other, they may."""
+        converged = self._system.at
         if self._method.last:
-            return point
-        point = _with_multipliers(self._conditions, point)
+            return converged
+        point = _with_multipliers(self._conditions, converged)
         step = KKTSystem(self._conditions, point).step(redundant=_SYMMETRIC)
-        return point if step is None else point + step
+        polished = point if step is None else point + step
+        left = KKTSystem(self._conditions, polished).residual
+        return polished if left < _STALLED else converged
 
 
 def _initial_point(
