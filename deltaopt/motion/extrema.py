@@ -64,9 +64,11 @@ def enough(intervals: int, fewest: int) -> int:
     return max(fewest, -(-_FEWEST_IN_ALL // intervals))
 
 
-def sample_fractions(intervals: int) -> Array:
-    """Where to sample each of so many intervals: both ends and at least 20 points inside."""
-    return np.linspace(0.0, 1.0, enough(intervals, _FEWEST_STEPS) + 1)
+def sample_fractions(intervals: int, degree: int = 5) -> Array:
+    """Where to sample each of so many intervals: both ends and at least 20 points inside, more in
+    polynomials of a higher degree: what is wrong with these changes its sign between nodes, which
+    are some 1/degree² apart at their ends."""
+    return np.linspace(0.0, 1.0, enough(intervals, max(_FEWEST_STEPS, degree**2 - 1)) + 1)
 
 
 def everywhere(intervals: int, fractions: Array) -> tuple[Index, Array]:

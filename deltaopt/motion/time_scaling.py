@@ -84,8 +84,8 @@ def needed_slowing(
 
     ``sampled``: ``loads_inside`` of ``sample_fractions``, where these are known already.
     """
-    intervals = len(trajectory.knots) - 1
-    along, fractions = loads_along(problem, trajectory), sample_fractions(intervals)
+    intervals, fractions = _sampled(trajectory)
+    along = loads_along(problem, trajectory)
     known = sampled or along(*everywhere(intervals, fractions))
     constraints = problem.limits.constraints
     places = max(
@@ -115,6 +115,12 @@ def needed_slowing(
     placed = last.values[sampled_places(constraints)]
     needed_at_samples = NeededSlowing(factor, float(placed.max(initial=0.0)) - 1)
     return needed_at_samples.beside(places)
+
+
+def _sampled(trajectory: Trajectory) -> tuple[int, Array]:
+    """How many intervals a motion has, and where to sample each of them."""
+    intervals, degree = len(trajectory.knots) - 1, trajectory.position.coefficients.shape[1] - 1
+    return intervals, sample_fractions(intervals, degree)
 
 
 def _over_ridges(
@@ -245,8 +251,8 @@ class _Instants:
 
 def highest_rows(problem: Problem, trajectory: Trajectory) -> Peaks:
     """How near each constraint row comes to its bounds, 1 at a bound, between samples too."""
-    intervals, size = len(trajectory.knots) - 1, problem.limits.constraints.size
-    along, fractions = loads_along(problem, trajectory), sample_fractions(intervals)
+    (intervals, fractions), along = _sampled(trajectory), loads_along(problem, trajectory)
+    size = problem.limits.constraints.size
     sampled = along(*everywhere(intervals, fractions))
     return _highest(along, lambda loads: size(loads.rows), fractions, sampled, _tails(problem))
 
@@ -277,8 +283,7 @@ def _highest(
 def rough_factor(problem: Problem, trajectory: Trajectory) -> float:
     """The smallest safe factor of any size by samples, limits of position left out; infinite too
     where the motion has no torques."""
-    intervals = len(trajectory.knots) - 1
-    where = everywhere(intervals, sample_fractions(intervals))
+    where = everywhere(*_sampled(trajectory))
     if not _mixed(problem).any():
         loads = LoadsOfMotion.of(problem, trajectory)(*where)
         return loads.needed(loads.demands.max(axis=0), at_least=0.0).factor

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.polynomial import Chebyshev
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import Unreachable
@@ -50,6 +51,21 @@ def test_peaks_between_samples():
     highest = peaks(curves, fractions, curves(*everywhere(3, fractions)))
     np.testing.assert_allclose(highest.values, [1, 2, 3, 4], rtol=1e-12)
     np.testing.assert_allclose(highest.intervals + highest.fractions, tops, atol=1e-5)
+
+
+def test_errors_of_a_polynomial_peak_near_its_end():
+    """A Chebyshev polynomial of one more than its degree, weighed so that its last hill is highest,
+    which is narrower than those in the middle."""
+    degree, pieces = 10, 23
+
+    def curves(intervals, fractions):
+        error = Chebyshev.basis(degree + 1)(2 * fractions - 1)
+        return -(fractions**2 * error + 0 * intervals)[:, None]
+
+    dense = np.linspace(0.9, 1.0, 100_001)
+    fractions = sample_fractions(pieces, degree)
+    highest = peaks(curves, fractions, curves(*everywhere(pieces, fractions)))
+    assert highest.values[0] == pytest.approx(curves(0 * dense, dense).max(), rel=1e-8)
 
 
 def test_ridges_between_samples():

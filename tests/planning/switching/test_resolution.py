@@ -16,6 +16,7 @@ from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.switching.detection import detect_structure
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.verify.pontryagin import extremal
+from studies.bench.hard_moves import move
 from tests.oracles.arcs import ArcProblem
 
 # Durations in s, each by `deltaopt plan problems/NAME.yaml --tolerance 1e-8`; the digits given
@@ -89,3 +90,11 @@ def test_two_motors_by_symmetry_switch_together():
     found = plan(load_scene("problems/pick_and_place.yaml"), tolerance=1e-6)
     tau = found.trajectory(np.linspace(0, found.duration, 400)).tau
     np.testing.assert_allclose(tau[:, 1], tau[:, 2], atol=1e-6)
+
+
+def test_multipliers_of_least_squares_do_not_move_a_motion():
+    """A random robot, where the step that makes multipliers symmetric once led 1e-8 m away."""
+    scene = move(1, 138).scene
+    found = plan(scene, tolerance=1e-6)
+    assert found.gap < 1e-6
+    assert verify(scene, found.trajectory).ok
