@@ -154,7 +154,7 @@ def beginnings(
         guess = Guess(begin.guess, near=False, tolerance=_ROUGHLY)
         model = begin.guess.model
         raw = if_possible(
-            ENDS_AN_ATTEMPT, problem.on(begin.mesh).solve, guess, scaling, model.parameters
+            ENDS_AN_ATTEMPT, problem(begin.mesh).solve, guess, scaling, model.parameters
         )
         if raw is not None:
             motion = Trajectory(raw.position, model, raw.coordinates)

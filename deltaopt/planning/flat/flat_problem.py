@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,9 +74,6 @@ _IPOPT_INSTEAD = 100
 """Number of intervals of the finest mesh that Ipopt is given where the method does not converge. On
 finer ones another mesh or another first motion succeeds sooner; and where matrices are nearly
 singular a single factorization of Ipopt's may take minutes."""
-_FINEST = 4000
-"""Number of intervals of the finest mesh that is solved by the interior-point method; its time is
-proportional to the number."""
 
 
 def boundary(asked: Asked, scaling: Scaling, accuracy: float = 0.0) -> Boundary:
@@ -117,7 +115,7 @@ class FlatEquations:
     derivatives: int = 2
     together: int = 1
 
-    def on(self, mesh: Array) -> FlatProblem:
+    def __call__(self, mesh: Array) -> FlatProblem:
         """The problem on a mesh of interval lengths, (N,), fractions of the duration."""
         return FlatProblem(self, mesh)
 
@@ -166,20 +164,14 @@ class FlatProblem:
 
     equations: FlatEquations
     mesh: Array
+    finest: ClassVar[int] = 4000
+    """Number of intervals of the finest mesh that is solved: time is proportional to it."""
 
     @property
     def points(self) -> Array:
         """Fractions of every interval where the limits are imposed."""
-        return (
-            self.equations.transcription.points
-            if self.equations.together == 1
-            else np.array([0.0, 1.0])
-        )
-
-    @property
-    def finest(self) -> int:
-        """Number of intervals of the finest mesh that is worth its solver's time."""
-        return _FINEST
+        own = self.equations
+        return own.transcription.points if own.together == 1 else np.array([0.0, 1.0])
 
     @property
     def takes_phases(self) -> bool:
@@ -234,7 +226,7 @@ class FlatProblem:
                 "No_Progress",
                 guess.trajectory,
             )
-        return by_ipopt.on(self.mesh).solve(guess, scaling, parameters)
+        return by_ipopt(self.mesh).solve(guess, scaling, parameters)
 
     def _phases(self, guess: Guess, scaling: Scaling, parameters: Array) -> list[Phase]:
         """A guess for the interior-point method, in a phase from each gate to the next.

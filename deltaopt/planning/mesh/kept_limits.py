@@ -81,7 +81,7 @@ def kept(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshS
             multipliers=last.solution.multipliers if len(mesh) == len(last.mesh) else None,
         )
         scaling = replace(last.scaling, share=share)
-        last = solve_on_mesh(program.on(mesh), scaling, guess)
+        last = solve_on_mesh(program(mesh), scaling, guess)
     raise NotConverged(
         "limits that are exceeded between the points of the mesh, where slowing is no remedy, are "
         f"still exceeded by {excess.max():.1e} after they were tightened {_MOST} times",
