@@ -46,7 +46,7 @@ class KKTSystem:
         """``barrier``: slack times multiplier, per time."""
         self.of, self.at = of, at
         mesh = of.mesh
-        shape = (mesh.intervals, len(mesh.nodes), of.rows.motors)
+        shape = (mesh.intervals, len(mesh.polynomials.nodes), of.rows.motors)
         active = np.broadcast_to(of.active.row[mesh.arc][:, None], shape)
         y = at.at_nodes(mesh)
         self._rows = self._rows_at(y, active)
@@ -77,7 +77,7 @@ class KKTSystem:
         off = np.where(within, np.where(within, bounded, 0.0) - at.slack, 0.0)
         above, below = (np.maximum(1 + s * at.slack, 1e-300) for s in (-1, 1))
         h = np.abs(at.interval_lengths(of.mesh))[:, None, None]
-        mu = barrier * h * of.mesh.quadrature[:, None] * within
+        mu = barrier * h * of.mesh.polynomials.quadrature[:, None] * within
         stiffness, force = at.upper / above + at.lower / below, at.upper - at.lower
         aim = stiffness * off + mu / above - mu / below - force
         return BarrierTerms(off, mu, stiffness, force, aim)
@@ -175,27 +175,27 @@ class KKTSystem:
     def _node_slopes(self) -> Array:
         """Derivatives of y at the nodes by (X_i, V_i, h, A), (n, nodes, 3 m, 2 m + 1 + m nodes)."""
         mesh, at, m = self.of.mesh, self.at, self.of.rows.motors
-        n, k, own = mesh.intervals, len(mesh.nodes), self.of.index.own
-        position, velocity, _ = mesh.at_nodes
+        n, k, own = mesh.intervals, len(mesh.polynomials.nodes), self.of.index.own
+        position, velocity, _ = mesh.polynomials.at_nodes
         h = at.interval_lengths(mesh)
         slopes = np.zeros((n, k, 3 * m, own + m * k))
         by_A = np.zeros((n, k, 3 * m, k, m))
         for j in range(m):
             slopes[:, :, j, j] = slopes[:, :, m + j, m + j] = 1.0
-            slopes[:, :, j, m + j] = h[:, None] * mesh.nodes
+            slopes[:, :, j, m + j] = h[:, None] * mesh.polynomials.nodes
             by_A[:, :, j, :, j] = h[:, None, None] ** 2 * position
             by_A[:, :, m + j, :, j] = h[:, None, None] * velocity
             by_A[:, :, 2 * m + j, :, j] = np.eye(k)
         slopes[..., own:] = by_A.reshape(n, k, 3 * m, -1)
         V, at_h = at.knots[:-1, None, m:], own - 1
-        by_h = mesh.nodes[:, None] * V + 2 * h[:, None, None] * (position @ at.A)
+        by_h = mesh.polynomials.nodes[:, None] * V + 2 * h[:, None, None] * (position @ at.A)
         slopes[:, :, :m, at_h], slopes[:, :, m : 2 * m, at_h] = by_h, velocity @ at.A
         return slopes
 
     def _curvature(self) -> Array:
         """Second derivatives of the Lagrangian by (X_i, V_i, h, A), (n, own + m nodes, same)."""
         mesh, at, m, own = self.of.mesh, self.at, self.of.rows.motors, self.of.index.own
-        n, k = mesh.intervals, len(mesh.nodes)
+        n, k = mesh.intervals, len(mesh.polynomials.nodes)
         H = self._rows.H
         if self.of.within[..., m:].any():
             slopes = self._bounded_slopes
@@ -203,9 +203,11 @@ class KKTSystem:
             H = H + slopes.transpose(0, 1, 3, 2) @ stiff
         flat = self._y_slopes.reshape(n, 3 * m * k, -1)
         total = flat.transpose(0, 2, 1) @ (H @ self._y_slopes).reshape(n, 3 * m * k, -1)
-        position, velocity, _ = mesh.at_nodes  # y is bilinear too: products of h with V and A
+        position, velocity, _ = (
+            mesh.polynomials.at_nodes
+        )  # y is bilinear too: products of h with V and A
         by_y, h, at_h = self._dual.by_y, at.interval_lengths(mesh), own - 1
-        by_V = np.einsum("nka,k->na", by_y[..., :m], mesh.nodes)
+        by_V = np.einsum("nka,k->na", by_y[..., :m], mesh.polynomials.nodes)
         pulled = position.T @ by_y[..., :m]
         by_A = 2 * h[:, None, None] * pulled + velocity.T @ by_y[..., m : 2 * m]
         total[:, m:at_h, at_h] += by_V
@@ -242,10 +244,10 @@ class KKTSystem:
     def _control_columns(self) -> Array:
         """Derivatives of the active rows by coefficients of singular controls, (n, m nodes, ·)."""
         mesh, m = self.of.mesh, self.of.rows.motors
-        columns = np.zeros((mesh.intervals, len(mesh.nodes), m, m, mesh.most_modes))
+        columns = np.zeros((mesh.intervals, len(mesh.polynomials.nodes), m, m, mesh.most_modes))
         for j in range(m):
             columns[:, :, j, j] = -mesh.legendre
-        return columns.reshape(mesh.intervals, len(mesh.nodes) * m, -1)
+        return columns.reshape(mesh.intervals, len(mesh.polynomials.nodes) * m, -1)
 
     def _border(self, Q: Array) -> Array:
         """Second derivatives by the border alone, and its right-hand side, (n, width, width)."""

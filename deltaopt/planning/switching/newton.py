@@ -189,7 +189,7 @@ def _initial_point(
     lengths = np.clip(conditions.structure.lengths, 0.0, 1.0) * trajectory.duration
     h = mesh.interval_lengths(lengths)
     begin = np.concatenate([[0.0], np.cumsum(h)])
-    inside = begin[:-1, None] + h[:, None] * np.clip(mesh.nodes, 1e-6, 1 - 1e-6)
+    inside = begin[:-1, None] + h[:, None] * np.clip(mesh.polynomials.nodes, 1e-6, 1 - 1e-6)
     D, T, n, m = scaling.length, scaling.time, mesh.intervals, conditions.rows.motors
     acceleration = trajectory.position.derivative().derivative()
     A = acceleration.at(inside.ravel()).reshape(n, -1, m) * T**2 / D
@@ -236,7 +236,7 @@ def _with_slacks(
     values = np.concatenate([singular, bounded], axis=2)
     slack = np.where(within, np.clip(values, -0.99, 0.99), 0.0)
     h = np.abs(point.interval_lengths(mesh))[:, None, None]
-    weight = h * mesh.quadrature[:, None] * within
+    weight = h * mesh.polynomials.quadrature[:, None] * within
     upper, lower = (barrier * weight / (1 + s * slack) for s in (-1, 1))
     return replace(point, slack=slack, upper=upper, lower=lower)
 

@@ -67,7 +67,7 @@ class PrimalDualPoint:
 
     def at_nodes(self, mesh: ArcMesh) -> Array:
         """y = (X, V, A) at the nodes, (n, nodes, 3 m)."""
-        return self.at(mesh, mesh.nodes, mesh.at_nodes)
+        return self.at(mesh, mesh.polynomials.nodes, mesh.polynomials.at_nodes)
 
     def at(self, mesh: ArcMesh, c: Array, weights: tuple[Array, Array, Array]) -> Array:
         """y at fractions c of the intervals, (n, c, 3 m), by the weights of A there."""

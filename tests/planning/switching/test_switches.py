@@ -135,7 +135,10 @@ def test_newton_and_ipopt_find_the_same_switches():
     np.testing.assert_allclose(KKTSystem(conditions, found).hamiltonian, -1, atol=1e-9)
     multipliers = conditions.multipliers(found)
     assert ((multipliers * arcs.control[problem.arc][:, None]) > -1e-7).all()
-    weight = problem.interval_lengths(other.z)[:, None, None] * conditions.mesh.quadrature[:, None]
+    weight = (
+        problem.interval_lengths(other.z)[:, None, None]
+        * conditions.mesh.polynomials.quadrature[:, None]
+    )
     ipopts = np.abs(problem.control_multipliers(other)) / weight
     np.testing.assert_allclose(np.abs(multipliers), ipopts, atol=1e-4)
 
