@@ -135,22 +135,17 @@ def intervals_after_waiting(motion: Trajectory, intervals: int) -> int:
 def _after_waiting(start: EndState, goal: MovingPoint, time: float) -> Family:
     """Quintics of some durations that meet a belt at a time, s, at rest at the start until then."""
 
+    def meeting(T: float) -> tuple[EndState, EndState]:
+        return start, goal.at(max(time - T, _LEAST_WAIT * T) + T, goal.position)
+
     def family(durations: Array) -> tuple[Array, Array]:
         waits = np.maximum(time - durations, _LEAST_WAIT * durations)
-        ends = [goal.at(T, goal.position) for T in (waits + durations).tolist()]
-        pairs = zip(ends, durations.tolist(), strict=True)
-        moving = np.array([_quintic_between(start, *pair) for pair in pairs])
+        moving = _coefficients(meeting, durations)
         still = np.zeros_like(moving)
         still[:, 0] = start.position
         return np.stack([still, moving], axis=1), np.column_stack([waits, durations])
 
     return family
-
-
-def _quintic_between(start: EndState, end: EndState, duration: float) -> Array:
-    """Coefficients of the quintic between two states, (6, 3)."""
-    (found,) = _coefficients(lambda _: (start, end), np.array([duration]))
-    return np.asarray(found)
 
 
 def from_rest(scene: Scene, place: Vector3) -> Scene:

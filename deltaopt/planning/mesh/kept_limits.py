@@ -16,6 +16,7 @@ from deltaopt.errors import NotConverged
 from deltaopt.motion.time_scaling import highest_rows
 from deltaopt.planning.mesh.error_estimate import split
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, solve_on_mesh
+from deltaopt.planning.nlp.phases import with_neighbours
 from deltaopt.planning.nlp.problem import Formulated, Guess
 
 Array = NDArray[np.float64]
@@ -63,8 +64,7 @@ def kept(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshS
                 return last.as_it_is(peaks.values)
             rows = np.arange(excess.shape[1])
             excess[peaks.intervals, rows] = np.maximum(peaks.values - 1, 0.0)
-        beside = np.pad(excess, ((1, 1), (0, 0)))  # the peak may come to lie in the next interval
-        around = np.maximum(excess, np.maximum(beside[:-2], beside[2:]))
+        around = with_neighbours(excess)  # the peak may come to lie in the next interval
         step = np.where(around > 0, _FACTOR * around + accuracy, 0.0)
         share = last.scaling.shares(len(last.mesh)) - step
         pieces = np.ones(len(last.mesh), np.intp)
