@@ -76,12 +76,7 @@ class PlatformInstant:
     @property
     def dddtheta(self) -> SX:
         """Jerks of the actuators, 3."""
-        return self._equation_rates[3]
-
-    @property
-    def force_rate(self) -> SX:
-        """The rate of ``force``, 3, N/s."""
-        return self._equation_rates[0]
+        return self.equation_rates[3]
 
     @property
     def force(self) -> SX:
@@ -142,7 +137,9 @@ class PlatformInstant:
         return [self.x, self.v, self.a], [self.v, self.a, self.j]
 
     @cached_property
-    def _equation_rates(self) -> list[SX]:
+    def equation_rates(self) -> list[SX]:
+        """The rates of the force of eq. (39), N/s, of squared distances from the serial
+        singularities, and of the actuators' speeds and accelerations, 3 each."""
         motion, rates = self._motion
         torque = SX.zeros(3) if self.given_torque is None else self.given_torque
         change = SX.zeros(3) if self.given_torque is None else self.dtau

@@ -103,12 +103,14 @@ class KKTSystem:
         aim = np.einsum("nkr,nkra->nka", barrier.aim[..., m:], self._bounded_slopes)
         y_slopes = self._y_slopes.reshape(n, by_y[0].size, -1)
         pull = barrier.force[..., :m] - at.multipliers
+        own = (by_y.reshape(n, 1, -1) @ y_slopes)[:, 0]
+        singular = np.einsum("nkr,nkl->nrl", pull, legendre)
         return Dual(
             by_y=by_y,
-            own=(by_y.reshape(n, 1, -1) @ y_slopes)[:, 0],
-            own_aim=(aim.reshape(n, 1, -1) @ y_slopes)[:, 0],
-            singular=np.einsum("nkr,nkl->nrl", pull, legendre),
-            singular_aim=np.einsum("nkr,nkl->nrl", barrier.aim[..., :m], legendre),
+            own=own,
+            own_aim=own + (aim.reshape(n, 1, -1) @ y_slopes)[:, 0],
+            singular=singular,
+            singular_aim=singular + np.einsum("nkr,nkl->nrl", barrier.aim[..., :m], legendre),
         )
 
     @property
@@ -228,7 +230,7 @@ class KKTSystem:
         by_A = np.zeros((n, unknowns, index.width))  # derivatives by A, of the border
         by_A[:, :, :own] = Q[:, own:, :own]
         by_A[:, :, own:right] = self._y_slopes[:, -1, : own - 1, own:].transpose(0, 2, 1)
-        by_A[:, :, right] = self._dual_gradient()[:, own:]
+        by_A[:, :, right] = self._dual.own_aim[:, own:]
         active = np.zeros((n, unknowns, index.width))  # the active rows, of the border
         active[:, :, :own] = slopes[:, :, :own]
         active[:, :, right] = self._removed * self._primal.values.reshape(n, -1)
@@ -257,20 +259,12 @@ class KKTSystem:
         M[:, :own, :own] = Q[:, :own, :own]
         M[:, own:right, :own] = end[:, :, :own]
         M[:, :own, own:right] = end[:, :, :own].transpose(0, 2, 1)
-        M[:, :own, right] = self._dual_gradient()[:, :own]
+        M[:, :own, right] = self._dual.own_aim[:, :own]
         M[:, own:right, right] = self._removed * self._primal.continuity
         if index.coefficients:
-            M[:, right + 1 :, right] = self._coefficient_gradient().reshape(len(Q), -1)
+            M[:, right + 1 :, right] = self._dual.singular_aim.reshape(len(Q), -1)
             self._add_stiffness(M)
         return M
-
-    def _dual_gradient(self) -> Array:
-        """The gradient by (X_i, V_i, h, A) that a step is to remove."""
-        return np.asarray(self._dual.own + self._dual.own_aim)
-
-    def _coefficient_gradient(self) -> Array:
-        """The gradient by coefficients of singular controls that a step is to remove."""
-        return np.asarray(self._dual.singular + self._dual.singular_aim)
 
     def _add_stiffness(self, M: Array) -> None:
         """Second derivatives that the barrier adds by coefficients of singular controls."""
@@ -288,17 +282,13 @@ class KKTSystem:
         larger ``redundant`` is.
         """
         try:
-            matrix, right = self._assembled(self._damping(shift), redundant)
+            matrix, right = self._assembled(shift, redundant)
         except np.linalg.LinAlgError:  # of an interval
             return None
         x = solve(matrix, -right)
         return None if x is None else self._expanded(x)
 
-    def _damping(self, shift: float) -> float:
-        """What is added to the curvature by lengths and coefficients of singular controls."""
-        return shift
-
-    def _assembled(self, damping: float, redundant: float) -> tuple[Array, Array]:
+    def _assembled(self, shift: float, redundant: float) -> tuple[Array, Array]:
         """The condensed system: matrix and right-hand side, in the order of the KKT index."""
         of, at, index = self.of, self.at, self.of.index
         S, right = index.summed(self._condensed[1])
@@ -307,10 +297,10 @@ class KKTSystem:
         S[there, here] -= 1.0
         right[here] -= at.costates[:-1]
         right[index.lengths] += 1.0
-        S[index.lengths, index.lengths] += damping
+        S[index.lengths, index.lengths] += shift
         for places, slope in zip(index.singular, self._outside_intervals(), strict=True):
             regularisation = _REGULARISATION / (2 * np.arange(len(places)) + 1)
-            S[places, places] += regularisation + damping
+            S[places, places] += regularisation + shift
             right[places] += slope
         for j, (entry, slope) in enumerate(
             zip(of.active.entries, self._primal.entry_slopes, strict=True)

@@ -246,7 +246,7 @@ def _with_multipliers(conditions: OptimalityConditions, point: PrimalDualPoint) 
     each other, as by symmetry, other multipliers would do as well."""
     names = ("costates", "multipliers", "entry", "end_values")
     without = replace(point, **{name: np.zeros_like(getattr(point, name)) for name in names})
-    step = _MultiplierSystem(conditions, without).step()
+    step = _MultiplierSystem(conditions, without).step(shift=1.0)
     if step is None:
         return point
     return replace(without, **{name: getattr(step, name) for name in names})
@@ -254,22 +254,11 @@ def _with_multipliers(conditions: OptimalityConditions, point: PrimalDualPoint) 
 
 class _MultiplierSystem(KKTSystem):
     """The equations of a least-squares estimate of the multipliers at a motion: the identity takes
-    the place of the curvature, and violations of primal conditions are left as they are."""
+    the place of the curvature, and violations of primal conditions are left as they are. Without
+    multipliers at bounds the barrier plays no part."""
 
     _removed = 0.0
 
     def _curvature(self) -> Array:
         size = self._y_slopes.shape[3]
         return np.broadcast_to(np.eye(size), (self.of.mesh.intervals, size, size))
-
-    def _dual_gradient(self) -> Array:
-        return self._dual.own
-
-    def _coefficient_gradient(self) -> Array:
-        return self._dual.singular
-
-    def _add_stiffness(self, M: Array) -> None:
-        """The barrier plays no part."""
-
-    def _damping(self, shift: float) -> float:
-        return 1.0
