@@ -167,29 +167,16 @@ class OptimalityConditions:
 
     rows: ConstraintRows
     structure: SwitchingStructure
-    active: ActiveRows
     mesh: ArcMesh
     goal: Array
     p: Array
     end_values: tuple[EndValue, ...] = ()
     barrier: Barrier | None = None
 
-    @classmethod
-    def of(
-        cls,
-        rows: ConstraintRows,
-        structure: SwitchingStructure,
-        mesh: ArcMesh,
-        scaling: Scaling,
-        parameters: Array,
-        end_values: tuple[EndValue, ...] = (),
-        barrier: Barrier | None = None,
-    ) -> OptimalityConditions:
-        """The conditions for a scene and the parameters of its mechanism."""
-        p = scaling.parameters(parameters)
-        goal = scaling.at_goal
-        active = ActiveRows.of(rows, structure)
-        return cls(rows, structure, active, mesh, goal, p, end_values, barrier)
+    @cached_property
+    def active(self) -> ActiveRows:
+        """The rows that are active on each arc."""
+        return ActiveRows.of(self.rows, self.structure)
 
     @cached_property
     def index(self) -> KKTIndex:

@@ -292,7 +292,7 @@ class KKTSystem:
         """The condensed system: matrix and right-hand side, in the order of the KKT index."""
         of, at, index = self.of, self.at, self.of.index
         S, right = index.summed(self._condensed[1])
-        here, there = index.inner_states, index.inner_costates
+        here, there = index.inner_states, index.costates[:-1]
         S[here, there] -= 1.0  # an interval's end is the next one's beginning
         S[there, here] -= 1.0
         right[here] -= at.costates[:-1]
@@ -323,7 +323,7 @@ class KKTSystem:
         n, states = of.mesh.intervals, index.states
         knots, singular = np.zeros((n + 1, states)), np.zeros_like(at.singular)
         knots[1:-1] = x[index.inner_states]
-        costates = x[index.costates].reshape(n, states)
+        costates = x[index.costates]
         for (a, k), places in zip(of.active.singular, index.singular, strict=True):
             singular[a, k, : len(places)] = x[places]
         h = of.mesh.interval_lengths(x[index.lengths])

@@ -169,12 +169,12 @@ class _Task:
 
     def outcome(self, candidate: _Candidate, guess: Trajectory) -> _Outcome:
         """Solves for a candidate and examines what is found. Raises NewtonFailed."""
-        conditions = OptimalityConditions.of(
+        conditions = OptimalityConditions(
             self.rows,
             candidate.structure,
             candidate.mesh,
-            self.scaling,
-            self.model.parameters,
+            self.scaling.at_goal,
+            self.scaling.parameters(self.model.parameters),
             candidate.end_values,
             self.barrier,
         )
