@@ -18,10 +18,10 @@ from matplotlib.figure import Figure
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.limits.limit import OwnMeasure
-from deltaopt.motion.certificate import MET
 from deltaopt.motion.limit_curves import LimitCurves, limit_curves
 from deltaopt.motion.trajectory import Trajectory, ends_of
 from deltaopt.output.facts import Facts, together
+from deltaopt.output.in_words import is_optimal
 from deltaopt.plots.colours import BLACK, COLOURS, GREY, LIGHT_GREY, LINE_COLOURS
 from deltaopt.plots.style import SMALL, STROKES, figure, motor_curves, without_box
 from deltaopt.plots.surroundings import draw_bodies
@@ -89,11 +89,8 @@ def draw_limits(file: Path, facts: Facts) -> None:
 
 def _costates(facts: Facts) -> Extremal | None:
     """Costates and switching functions for the chart; None if Pontryagin's condition is not met."""
-    spread = facts.verification.hamiltonian_spread
-    violation = facts.verification.sign_violation
-    if spread is None or violation is None or max(spread, violation) > MET:
-        return None
-    return extremal(facts.scene, facts.trajectory)
+    is_met = is_optimal(facts.verification)
+    return extremal(facts.scene, facts.trajectory) if is_met else None
 
 
 def caption(verification: Verification) -> str:

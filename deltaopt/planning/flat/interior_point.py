@@ -133,7 +133,6 @@ class InteriorPointSolution:
     left: float
     status: str
     iterations: int
-    factorisations: int
     spent: Spent
 
     @property
@@ -247,7 +246,6 @@ class CompiledMethod:
             report.dual,
             STATUS[status],
             report.iterations,
-            report.factorisations,
             Spent(report.evaluating, report.solving),
         )
 
