@@ -89,11 +89,8 @@ class Constraints:
 
     def with_numbers(self, numbers: SX) -> Iterator[tuple[Limit, SX]]:
         """Every item's limit, and its own of these numbers."""
-        return zip(self.limits, self._split(numbers), strict=True)
-
-    def _split(self, numbers: SX) -> list[SX]:
         ends = np.cumsum([0, *(size for _, size in self.items)]).tolist()
-        return [numbers[a:b] for a, b in pairwise(ends)]
+        return zip(self.limits, [numbers[a:b] for a, b in pairwise(ends)], strict=True)
 
     def item_of(self, row: int) -> tuple[int, int]:
         """The item that a row belongs to, and which of its rows it is."""
@@ -260,8 +257,12 @@ class Constraints:
     @cached_property
     def of_place(self) -> Truths:
         """Rows of positions that a motion must keep, (rows,): slowing cannot help them."""
-        promised = self._of_rows([limit.promised for limit in self.limits], np.bool)
-        return np.asarray(promised & (self.orders == 0))
+        return np.asarray(self.promised & (self.orders == 0))
+
+    @cached_property
+    def promised(self) -> Truths:
+        """Rows of limits that a verified motion keeps, (rows,)."""
+        return self._of_rows([limit.promised for limit in self.limits], np.bool)
 
     @cached_property
     def convex(self) -> Truths:

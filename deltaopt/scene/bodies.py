@@ -217,7 +217,7 @@ def _sum(
     spread = _half_sides(shape)
     radius = 0.0 if isinstance(shape, Box) else shape.radius
     if isinstance(body, HalfSpace):
-        return _alone(body, moved, _reach(body, spread)).grown(radius)
+        return _alone(body, moved, spread).grown(radius)
     if isinstance(body, Sphere):
         return _at(moved + body.centre, shape).grown(body.radius)
     if isinstance(body, Cylinder):
@@ -233,11 +233,13 @@ def _sum(
 
 
 def _alone(
-    body: Box | Sphere | Cylinder | HalfSpace | Hull, moved: Array, reach: float = 0.0
+    body: Box | Sphere | Cylinder | HalfSpace | Hull, moved: Array, spread: Array | float = 0.0
 ) -> Convex:
-    """A body, moved; of a half-space also towards where the tool is, by ``reach`` (m)."""
+    """A body, moved; a half-space also by as much as a box or a line of half sides ``spread``, (n,
+    3), m, reaches towards it."""
     if isinstance(body, HalfSpace):
         normal = np.array(body.normal) / hypot(*body.normal)
+        reach = float(np.abs((spread * normal).sum(axis=-1)).sum())
         middle = np.array(body.point) + moved + (_LARGE - reach) * normal
         return Solid(_axes_with(normal), vector3(middle), (_LARGE, _LARGE, _LARGE), False, 0.0)
     if isinstance(body, Hull):
@@ -277,12 +279,6 @@ def _ends(spread: Array) -> Array:
     """All corners of a box or both ends of a line, from its half sides, (corners, 3)."""
     signs = np.array(list(product((-1.0, 1.0), repeat=len(spread))))
     return np.asarray((signs[:, :, None] * spread).sum(axis=1))
-
-
-def _reach(body: HalfSpace, spread: Array) -> float:
-    """How far a box or a line reaches towards a half-space, m."""
-    normal = np.array(body.normal) / hypot(*body.normal)
-    return float(np.abs((spread * normal).sum(axis=1)).sum())
 
 
 def _corners(body: Box | Hull) -> Array:

@@ -78,7 +78,7 @@ def stopping(scene: Scene) -> Trajectory | None:
     start = scene.task.start
     if start.velocity == REST:
         return None
-    return _quintic(scene, lambda T: (start, EndState(_stopped(start, T))))
+    return shortest_of(scene, _quintics(lambda T: (start, EndState(_stopped(start, T)))))
 
 
 def from_state_to_state(scene: Scene, most: float = _NEARLY) -> Trajectory | None:
@@ -200,19 +200,13 @@ def _with_run_up(scene: Scene, stop: Trajectory | None) -> Iterator[Trajectory]:
 
 def run_up_to(scene: Scene, goal: EndState) -> Trajectory | None:
     """A quintic from rest that passes a goal at its velocity; None if none stays within reach."""
-    return _quintic(scene, lambda T: (EndState(_stopped(goal, -T)), goal))
+    return shortest_of(scene, _quintics(lambda T: (EndState(_stopped(goal, -T)), goal)))
 
 
 def _stopped(state: EndState, duration: float) -> Vector3:
     """Where a state gets to that comes to rest in a duration (s), its acceleration symmetric in
     time, m; of a negative one where a motion begins at rest that passes the state after it."""
     return vector3(np.array(state.position) + np.array(state.velocity) * duration / 2)
-
-
-def _quintic(scene: Scene, states: States) -> Trajectory | None:
-    """The shortest quintic between states that nearly keeps the limits at samples, or the one that
-    exceeds them least; None if none stays within reach."""
-    return shortest_of(scene, _quintics(states))
 
 
 def _quintics(states: States) -> Family:

@@ -104,15 +104,14 @@ class FlatEquations:
     """The equations of the flat problem, compiled, from which problems on meshes are made.
 
     ``by_ipopt``: the same problem for Ipopt, which is tried where the method does not converge;
-    None where acceleration is continuous, which it has no equations for. ``derivatives``: unknowns
-    of each coordinate at a knot. ``together``: how many intervals are one of the method.
+    None where acceleration is continuous, which it has no equations for. ``together``: how many
+    intervals are one of the method.
     """
 
     method: CompiledMethod
     transcription: PiecewiseAcceleration
     cost: Cost
     by_ipopt: Formulated | None
-    derivatives: int = 2
     together: int = 1
 
     def __call__(self, mesh: Array) -> FlatProblem:
@@ -136,7 +135,7 @@ def compiled_flat(
     if method is None:
         return None
     together = 3 if problem.derivatives == 3 else 1
-    return FlatEquations(method, transcription, cost, by_ipopt, problem.derivatives, together)
+    return FlatEquations(method, transcription, cost, by_ipopt, together)
 
 
 _SHARED = np.array(
@@ -271,7 +270,7 @@ class FlatProblem:
     ) -> Array:
         """Scaled states of a motion at the knots of a phase that begins and lasts so long, s."""
         times = begin + T * np.concatenate([[0.0], mesh.cumsum()])
-        return scaling.states(motion.position, times, T, self.equations.derivatives)
+        return scaling.states(motion.position, times, T, self.equations.method.problem.derivatives)
 
     def _known(self, duration: float, prices: Array) -> Array:
         """Multipliers of a guess for the method, from those of `Solved`: fractions of a running
@@ -296,11 +295,11 @@ class FlatProblem:
             begin, mesh, T = times[-1][-1], guess.mesh, phase.duration / own
             times.append(begin + T * mesh.cumsum())
             knots = phase.knots.reshape(len(phase.knots), -1, 3)
-            knots = knots / T ** np.arange(self.equations.derivatives)[:, None]
+            knots = knots / T ** np.arange(self.equations.method.problem.derivatives)[:, None]
             states.append(knots[1:] if states else knots)
         knots = np.concatenate(times)
         time = own * scaling.time
-        units = scaling.length / time ** np.arange(self.equations.derivatives)
+        units = scaling.length / time ** np.arange(self.equations.method.problem.derivatives)
         x, *rates = (units[:, None] * np.concatenate(states)).transpose(1, 0, 2)
         curve = (
             PiecewisePolynomial.in_thirds

@@ -57,7 +57,8 @@ def kept(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshS
     dear = max(1.0, solution.price_of_limits / _DEAR)
     last, accuracy = solution, max(_SOLVER_SHARE * tolerance / dear, _FINEST)
     for attempt in range(1, _MOST + 1):
-        excess = _sampled_excess(last)
+        sizes = last.scaling.constraints.size(last.rows).max(axis=1)
+        excess = np.maximum(sizes - 1, 0.0)
         if excess.max() <= KEPT:
             peaks = highest_rows(last.problem, last.trajectory)
             if peaks.values.max() <= 1 + KEPT:
@@ -116,10 +117,3 @@ def _slowed(solution: MeshSolution) -> MeshSolution:
         return replace(exact, needed=replace(needed, misplaced=inf))
     slowed = exact.trajectory.slowed((1 + KEPT) * exact.safe_factor)
     return replace(exact, trajectory=slowed, needed=needed)
-
-
-def _sampled_excess(solution: MeshSolution) -> Array:
-    """By how much rows exceed their bounds in every interval at samples, (N, rows); 0 where they do
-    not."""
-    sizes = solution.scaling.constraints.size(solution.rows).max(axis=1)
-    return np.asarray(np.maximum(sizes - 1, 0.0))

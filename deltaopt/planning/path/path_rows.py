@@ -259,13 +259,7 @@ def _joined(*parts: AffineRows) -> AffineRows:
 def kept_rows(constraints: Constraints) -> Index:
     """Indices of the rows of limits that a verified motion keeps, but for limits of position: on a
     given path these are kept or not at any speed."""
-    rows = [
-        row
-        for limit, rows in zip(constraints.limits, constraints.slices, strict=True)
-        for row in range(rows.start, rows.stop)
-        if limit.promised and limit.order > 0
-    ]
-    return np.array(rows, np.intp)
+    return np.flatnonzero(constraints.promised & (constraints.orders > 0))
 
 
 @lru_cache(maxsize=32)
