@@ -107,15 +107,15 @@ class KKTIndex:
         modes = [int(mesh.modes[a]) for a, _ in singular]
         sizes = [self.states * (n - 1), mesh.arcs, sum(modes), self.states * n, entries]
         ends = np.cumsum([*sizes, end_values]).tolist()
-        inner, self.lengths, coefficients, self.costates, self.entries, self.end_values = (
+        inner, self.lengths, coefficients, costates, self.entries, self.end_values = (
             np.arange(begin, end) for begin, end in zip([0, *ends[:-1]], ends, strict=True)
         )
         self.singular = np.split(coefficients, np.cumsum(modes)[:-1]) if modes else []
         self.size, self.inner_states = ends[-1], inner.reshape(-1, self.states)
+        self.costates = costates.reshape(-1, self.states)
         self.coefficients = motors * mesh.most_modes if singular else 0
         self.width = self.right + 1 + self.coefficients
-        self.duals = np.concatenate([self.costates, self.entries, self.end_values])
-        self.costates = self.costates.reshape(n, self.states)
+        self.duals = np.concatenate([costates, self.entries, self.end_values])
 
     def state(self, knot: int) -> Integers:
         """Places of (X, V) at a knot, (2 m,); the bin for the first, which is given."""
