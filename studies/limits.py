@@ -46,17 +46,19 @@ class Case:
 
     def of(self, robot: Robot) -> Robot:
         """The robot with these keys."""
-        content = robot.model_dump(exclude_none=True)
-        for key, value in self.robot.items():
-            is_mapping = isinstance(value, dict)
-            content[key] = {**content.get(key, {}), **value} if is_mapping else value
-        return Robot.model_validate(content)
+        return Robot.model_validate(_merged(robot.model_dump(exclude_none=True), self.robot))
 
     def __or__(self, other: Case) -> Case:
-        robot = dict(self.robot)
-        for key, value in other.robot.items():
-            robot[key] = {**robot.get(key, {}), **value} if isinstance(value, dict) else value
+        robot = _merged(self.robot, other.robot)
         return Case("all of them", robot, self.limits | other.limits)
+
+
+def _merged(content: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
+    """The keys of both, with those of mappings in both."""
+    return content | {
+        key: {**content.get(key, {}), **value} if isinstance(value, dict) else value
+        for key, value in more.items()
+    }
 
 
 def cases(robot: Robot) -> list[Case]:

@@ -259,11 +259,10 @@ def _duty_of_baseline(scene: Scene) -> list[str]:
     """What the baseline asks of motors that are rated for an RMS torque; nothing of others."""
     if scene.robot.rms_torque is None:
         return []
-    try:
-        duty = MeasuredMotion.of(scene, baseline(scene)).duty()
-    except (EndMoves, *RULED_OUT):
+    line = if_possible((EndMoves, *RULED_OUT), baseline, scene)
+    if line is None:
         return []  # the description says why there is no baseline
-    return ["", "the baseline:", *duty_table(duty)]
+    return ["", "the baseline:", *duty_table(MeasuredMotion.of(scene, line).duty())]
 
 
 def _description(scene: Scene) -> list[tuple[str, str]]:

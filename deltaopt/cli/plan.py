@@ -285,8 +285,7 @@ def _plan(
         more = details(facts) if arguments.details else surprises(facts)
         print(*told(facts), *more, sep="\n", flush=True)
         print_written(files, before)
-        end = "\n" if arguments.sensitivity else ""
-        print(*told_of_sensitivity(_sensitivities(found, arguments)), sep="\n", end=end)
+        _print_sensitivities(found, arguments)
     return say_failures(facts.verification.failures())
 
 
@@ -307,8 +306,7 @@ def _plan_cycle(file: Path, directory: Path, cycle: Cycle, arguments: argparse.N
         print(f"{verdict(verification)}: ", end="")
         print(*told_of_cycle(found, verification), *more, sep="\n", flush=True)
         print_written(files, before)
-        end = "\n" if arguments.sensitivity else ""
-        print(*told_of_sensitivity(_sensitivities(found, arguments)), sep="\n", end=end)
+        _print_sensitivities(found, arguments)
     return say_failures(verification.failures())
 
 
@@ -325,6 +323,14 @@ def _sensitivities(
     if not arguments.sensitivity or isinstance(found, StraightLine):
         return ()
     return tuple(found.sensitivity())
+
+
+def _print_sensitivities(
+    found: Plan | CyclePlan | StraightLine, arguments: argparse.Namespace
+) -> None:
+    """Print them in words, where they are asked for."""
+    if arguments.sensitivity:
+        print(*told_of_sensitivity(_sensitivities(found, arguments)), sep="\n")
 
 
 def _refuse_contradictions(

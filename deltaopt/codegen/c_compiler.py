@@ -179,9 +179,7 @@ def _stop(process: subprocess.Popen[bytes]) -> None:
     process.wait()
 
 
-@lru_cache(maxsize=8)
-def _compiler_at(command: str) -> Compiler:
-    return Compiler(command)
+_compiler_at = lru_cache(maxsize=8)(Compiler)
 
 
 @lru_cache(maxsize=1)

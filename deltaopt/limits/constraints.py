@@ -89,11 +89,8 @@ class Constraints:
 
     def with_numbers(self, numbers: SX) -> Iterator[tuple[Limit, SX]]:
         """Every item's limit, and its own of these numbers."""
-        return zip(self.limits, self._split(numbers), strict=True)
-
-    def _split(self, numbers: SX) -> list[SX]:
         ends = np.cumsum([0, *(size for _, size in self.items)]).tolist()
-        return [numbers[a:b] for a, b in pairwise(ends)]
+        return zip(self.limits, [numbers[a:b] for a, b in pairwise(ends)], strict=True)
 
     def item_of(self, row: int) -> tuple[int, int]:
         """The item that a row belongs to, and which of its rows it is."""
@@ -145,14 +142,8 @@ class Constraints:
     @cached_property
     def sides(self) -> Truths:
         """Whether a row has a lower and an upper bound, (rows, 2)."""
-        bounds = self._bounds
-        return np.stack(
-            [
-                self._of_rows([b.lower is not None for b in bounds], np.bool),
-                self._of_rows([b.upper is not None for b in bounds], np.bool),
-            ],
-            axis=1,
-        )
+        given = [(b.lower is not None, b.upper is not None) for b in self._bounds]
+        return self._of_rows(given, np.bool).reshape(-1, 2)
 
     def size(self, rows: Array) -> Array:
         """How near rows, (…, rows), are to the nearer of their bounds: 1 at a bound."""
@@ -172,28 +163,19 @@ class Constraints:
     @cached_property
     def bounds_of_rows(self) -> ca.Function:
         """Numbers of all items -> lower and upper bound and natural size of every row's measure."""
-        numbers, found_of = self.numbers(), (list[SX](), list[SX](), list[SX]())
-        for (limit, _), rows, own in zip(
-            self.items, self.slices, self._split(numbers), strict=True
-        ):
-            bounds = limit.bounds(own)
-            for side, found, none in zip(
-                (bounds.lower, bounds.upper, bounds.scale),
-                found_of,
-                (-np.inf, np.inf, 1.0),
-                strict=True,
-            ):
-                values = SX(none) if side is None else side
-                one_for_all = values.numel() == 1
-                found.append(
-                    ca.repmat(values, rows.stop - rows.start, 1) if one_for_all else values
-                )
-        return ca.Function("bounds", [numbers], [ca.vertcat(*found) for found in found_of])
+        numbers, found = self.numbers(), (list[SX](), list[SX](), list[SX]())
+        for (limit, own), rows in zip(self.with_numbers(numbers), self.slices, strict=True):
+            bounds, ones = limit.bounds(own), SX.ones(rows.stop - rows.start)
+            lower = -np.inf if bounds.lower is None else bounds.lower
+            upper = np.inf if bounds.upper is None else bounds.upper
+            for each, side in zip(found, (lower, upper, bounds.scale), strict=True):
+                each.append(side * ones)
+        return ca.Function("bounds", [numbers], [ca.vertcat(*each) for each in found])
 
     def _of_rows(self, of_items: Sequence[object], kind: type) -> NDArray[Any]:
         """A value of each item, repeated for its rows."""
         counts = [s.stop - s.start for s in self.slices]
-        return np.repeat(np.array(of_items, kind), counts)
+        return np.repeat(np.array(of_items, kind), counts, axis=0)
 
     @property
     def _any_rows(self) -> tuple[AnyInstant, SX]:
@@ -275,8 +257,12 @@ class Constraints:
     @cached_property
     def of_place(self) -> Truths:
         """Rows of positions that a motion must keep, (rows,): slowing cannot help them."""
-        promised = self._of_rows([limit.promised for limit in self.limits], np.bool)
-        return np.asarray(promised & (self.orders == 0))
+        return np.asarray(self.promised & (self.orders == 0))
+
+    @cached_property
+    def promised(self) -> Truths:
+        """Rows of limits that a verified motion keeps, (rows,)."""
+        return self._of_rows([limit.promised for limit in self.limits], np.bool)
 
     @cached_property
     def convex(self) -> Truths:

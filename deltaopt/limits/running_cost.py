@@ -6,7 +6,7 @@ from enum import Enum
 
 
 class Running(Enum):
-    """The rate r of a running cost ∫ r dt.
+    """The rate r of a running cost ∫ r dt; its name in lower case is its word in scene files.
 
     ``integral``: in words. ``unit``: of the integral. ``unit_of_weight``: of a weight that makes a
     time of it. ``order``: the highest derivative of position in it; one of order 3 is finite only
@@ -19,5 +19,5 @@ class Running(Enum):
     TORQUE_RATE = "squared torque rates ∫ ‖dτ/dt‖² dt", "N²m²/s", "s²/(N²m²)", 3
 
     def __init__(self, integral: str, unit: str, unit_of_weight: str, order: int) -> None:
-        self.integral, self.unit = integral, unit
+        self.word, self.integral, self.unit = self.name.lower(), integral, unit
         self.unit_of_weight, self.order = unit_of_weight, order

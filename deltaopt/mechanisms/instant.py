@@ -11,11 +11,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import TypeVar
 
 import casadi as ca
 
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.mechanisms.functions import Functions
+
+Given = TypeVar("Given")
+_JERK = "the jerk of the motion is"
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +59,7 @@ class PlatformInstant:
     @property
     def j(self) -> SX:
         """Jerk of the platform, 3, m/s³."""
-        return _known(self.jerk)
+        return _known(self.jerk, _JERK)
 
     @cached_property
     def dtau(self) -> SX:
@@ -72,12 +76,7 @@ class PlatformInstant:
     @property
     def dddtheta(self) -> SX:
         """Jerks of the actuators, 3."""
-        return self._equation_rates[3]
-
-    @property
-    def force_rate(self) -> SX:
-        """The rate of ``force``, 3, N/s."""
-        return self._equation_rates[0]
+        return self.equation_rates[3]
 
     @property
     def force(self) -> SX:
@@ -119,25 +118,10 @@ class PlatformInstant:
         """Volume that is 0 where the platform can tilt."""
         return self.functions.tilt_margin(self.q)
 
-    @property
+    @cached_property
     def q(self) -> SX:
         """All coordinates, m and rad."""
-        return self._coordinates[0]
-
-    @property
-    def dq(self) -> SX:
-        """Their rates, m/s and rad/s."""
-        return self._coordinates[1]
-
-    @property
-    def ddq(self) -> SX:
-        """Their second derivatives, m/s² and rad/s²."""
-        return self._coordinates[2]
-
-    @cached_property
-    def _coordinates(self) -> tuple[SX, SX, SX]:
-        q, dq, ddq = self.functions.motion(self.x, self.v, self.a, self.p)
-        return q, dq, ddq
+        return self.functions.motion(self.x, self.v, self.a, self.p)[0]
 
     @cached_property
     def _equations(self) -> tuple[SX, SX, SX, SX]:
@@ -153,7 +137,9 @@ class PlatformInstant:
         return [self.x, self.v, self.a], [self.v, self.a, self.j]
 
     @cached_property
-    def _equation_rates(self) -> list[SX]:
+    def equation_rates(self) -> list[SX]:
+        """The rates of the force of eq. (39), N/s, of squared distances from the serial
+        singularities, and of the actuators' speeds and accelerations, 3 each."""
         motion, rates = self._motion
         torque = SX.zeros(3) if self.given_torque is None else self.given_torque
         change = SX.zeros(3) if self.given_torque is None else self.dtau
@@ -161,23 +147,34 @@ class PlatformInstant:
         return _rates(equations, [*motion, torque], [*rates, change], self.p)
 
 
-@dataclass(frozen=True, eq=False)
 class CoordinateInstant:
-    """The quantities as functions of all coordinates ``q``, m and rad, their derivatives ``dq`` and
-    ``ddq`` by time, and the actuators' forces or torques ``tau``, 3, N or N·m.
+    """The quantities of ``AnyInstant`` as functions of all coordinates ``q``, m and rad, their
+    derivatives ``dq`` and ``ddq`` by time, and the actuators' forces or torques ``tau``, 3, N or
+    N·m.
 
     ``torques``: mass of the payload added, kg -> the motor torques with it, where these are known.
     ``rates``: the same -> their rates, and the actuators' jerks. ``jerk``: of the platform, m/s³.
+    What is not known raises ValueError when it is asked for.
     """
 
-    functions: Functions
-    q: SX
-    dq: SX
-    ddq: SX
-    tau: SX
-    torques: Callable[[float], SX] | None = None
-    rates: Callable[[float], tuple[SX, SX]] | None = None
-    jerk: SX | None = None
+    def __init__(
+        self,
+        functions: Functions,
+        q: SX,
+        dq: SX,
+        ddq: SX,
+        tau: SX,
+        torques: Callable[[float], SX] | None = None,
+        rates: Callable[[float], tuple[SX, SX]] | None = None,
+        jerk: SX | None = None,
+    ) -> None:
+        self.q, own = q, functions.motors
+        self.x, self.v, self.a = q[:3], dq[:3], ddq[:3]
+        self.theta, self.dtheta, self.ddtheta, self.tau = q[own], dq[own], ddq[own], tau
+        self.alignment, self.tilt = functions.alignments(q), functions.tilts(q)
+        self.parallel_margin = functions.parallel_margin(q)
+        self.tilt_margin = functions.tilt_margin(q)
+        self._torques, self._given_rates, self._jerk = torques, rates, jerk
 
     @classmethod
     def general(
@@ -194,7 +191,7 @@ class CoordinateInstant:
             return inverse(x, v, a, with_more(added))[0]
 
         def rates(added: float) -> tuple[SX, SX]:
-            motion, change = [x, v, a], [v, a, _known(jerk)]
+            motion, change = [x, v, a], [v, a, _known(jerk, _JERK)]
             torque_rate = _rates(inverse, motion, change, with_more(added))[0]
             third = _rates(functions.motion, motion, change, p)[2]
             return torque_rate, third[functions.motors]
@@ -204,87 +201,31 @@ class CoordinateInstant:
     @property
     def j(self) -> SX:
         """Jerk of the platform, 3, m/s³."""
-        return _known(self.jerk)
+        return _known(self._jerk, _JERK)
 
     @property
     def dtau(self) -> SX:
         """Rates of the actuators' forces or torques, 3, N/s or N·m/s."""
-        return self._rates(0.0)[0]
+        return self._known_rates(0.0)[0]
 
     @property
     def dtau_per_payload(self) -> SX:
         """By how much these rates grow with the payload's mass, 3."""
-        return self._rates(1.0)[0] - self._rates(0.0)[0]
+        return self._known_rates(1.0)[0] - self.dtau
 
     @property
     def dddtheta(self) -> SX:
         """Jerks of the actuators, 3."""
-        return self._rates(0.0)[1]
+        return self._known_rates(0.0)[1]
 
-    def _rates(self, added: float) -> tuple[SX, SX]:
-        if self.rates is None:
-            raise ValueError("the rates of the torques are not known")
-        return self.rates(added)
+    def _known_rates(self, added: float) -> tuple[SX, SX]:
+        return _known(self._given_rates, "the rates of the torques are")(added)
 
     @property
     def tau_per_payload(self) -> SX:
-        """By how much the actuators' forces grow with the payload's mass, 3.
-
-        Raises ValueError where the torques with another payload are not known.
-        """
-        if self.torques is None:
-            raise ValueError("the torques with another payload are not known")
-        return self.torques(1.0) - self.torques(0.0)
-
-    @property
-    def x(self) -> SX:
-        """Position of the platform, 3, m."""
-        return self.q[:3]
-
-    @property
-    def v(self) -> SX:
-        """Velocity of the platform, 3, m/s."""
-        return self.dq[:3]
-
-    @property
-    def a(self) -> SX:
-        """Acceleration of the platform, 3, m/s²."""
-        return self.ddq[:3]
-
-    @property
-    def theta(self) -> SX:
-        """Positions of the actuators, 3."""
-        return self.q[self.functions.motors]
-
-    @property
-    def dtheta(self) -> SX:
-        """Speeds of the actuators, 3."""
-        return self.dq[self.functions.motors]
-
-    @property
-    def ddtheta(self) -> SX:
-        """Accelerations of the actuators, 3."""
-        return self.ddq[self.functions.motors]
-
-    @property
-    def alignment(self) -> SX:
-        """Squared distances from the serial singularities, 3."""
-        return self.functions.alignments(self.q)
-
-    @property
-    def tilt(self) -> SX:
-        """Sines of the angles by which the bars lean out of the plane of their chain, 3."""
-        return self.functions.tilts(self.q)
-
-    @property
-    def parallel_margin(self) -> SX:
-        """Volume that is 0 in a parallel singularity."""
-        return self.functions.parallel_margin(self.q)
-
-    @property
-    def tilt_margin(self) -> SX:
-        """Volume that is 0 where the platform can tilt."""
-        return self.functions.tilt_margin(self.q)
+        """By how much the actuators' forces grow with the payload's mass, 3."""
+        torques = _known(self._torques, "the torques with another payload are")
+        return torques(1.0) - torques(0.0)
 
 
 class AnyInstant:
@@ -349,11 +290,11 @@ Instant = PlatformInstant | CoordinateInstant | LighterInstant | AnyInstant
 """What a limit may depend on; ``AnyInstant`` lists it."""
 
 
-def _known(jerk: SX | None) -> SX:
-    """The platform's jerk. Raises ValueError where it is not given."""
-    if jerk is None:
-        raise ValueError("the jerk of the motion is not known")
-    return jerk
+def _known(given: Given | None, what: str) -> Given:
+    """What is given. Raises ValueError where it is not, with the words that begin so."""
+    if given is None:
+        raise ValueError(f"{what} not known")
+    return given
 
 
 def _rates(function: ca.Function, of: Sequence[SX], by: Sequence[SX], p: SX) -> list[SX]:

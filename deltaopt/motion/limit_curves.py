@@ -105,8 +105,7 @@ def _shares(
     functions: Functions, constraints: Constraints
 ) -> tuple[RowFunction, tuple[tuple[str, str], ...]]:
     """(x, v, a, numbers of the limits and p) -> the shares; and what each is of."""
-    motion, symbols = _motion(functions, constraints)
-    numbers = constraints.numbers()
+    motion, numbers, inputs = _motion(functions, constraints)
     columns, named = [], list[tuple[str, str]]()
     for limit, own in constraints.with_numbers(numbers):
         if not limit.promised:
@@ -119,7 +118,6 @@ def _shares(
         for beyond in limit.bounds(own).beyond(measure):
             columns.append(1 + beyond)
             named += [(limit.name, name) for name in names]
-    inputs = [*symbols, ca.vertcat(numbers, motion.p)]
     shares = ca.densify(ca.vertcat(*columns))
     return RowFunction(ca.Function("shares", inputs, [shares], {"cse": True})), tuple(named)
 
@@ -127,16 +125,19 @@ def _shares(
 @lru_cache(maxsize=16)
 def _measures(functions: Functions, constraints: Constraints) -> RowFunction:
     """(x, v, a[, j], numbers of the limits and p) -> the quantities of all limits, compiled."""
-    motion, symbols = _motion(functions, constraints)
-    numbers = constraints.numbers()
-    inputs = [*symbols, ca.vertcat(numbers, motion.p)]
+    motion, numbers, inputs = _motion(functions, constraints)
     measures = constraints.measures(motion, numbers)
     return RowFunction(ca.Function("measures", inputs, [measures], {"cse": True}))
 
 
-def _motion(functions: Functions, constraints: Constraints) -> tuple[PlatformInstant, list[ca.SX]]:
-    """A motion of symbols, with as many derivatives as limits need; and these symbols."""
+def _motion(
+    functions: Functions, constraints: Constraints
+) -> tuple[PlatformInstant, ca.SX, list[ca.SX]]:
+    """A motion of symbols, with as many derivatives as limits need; the limits' numbers; and all
+    symbols: those of the motion, then the numbers and the model's parameters."""
     symbols = [ca.SX.sym(name, 3) for name in "xvaj"[: constraints.order + 1]]
-    x, v, a, *rest = symbols
-    j = rest[0] if rest else None
-    return PlatformInstant(functions, x, v, a, functions.symbols(), jerk=j), symbols
+    (x, v, a, *rest), numbers = symbols, constraints.numbers()
+    motion = PlatformInstant(
+        functions, x, v, a, functions.symbols(), jerk=rest[0] if rest else None
+    )
+    return motion, numbers, [*symbols, ca.vertcat(numbers, motion.p)]

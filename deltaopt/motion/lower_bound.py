@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from deltaopt.curves.halving import bisected_number
 from deltaopt.files.validated_record import Vector3
 from deltaopt.limits.scene_limits import SceneLimits
+from deltaopt.robot.machine import Energies
 from deltaopt.robot.model import model_of
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.scene import Scene
@@ -78,28 +79,20 @@ class _Way:
     """What a motion must do, and with what.
 
     ``platform``: displacement of the platform, (3,), m. ``arms``: by how much the motor angles
-    differ between start and goal, (3,), rad. ``arm_inertia``: about the shaft, kg·m². ``arm``: its
-    length, m. ``mass``: of platform, tool and payload, kg. ``same``, ``opposite``: of the bars of
-    one chain, kg: their kinetic energy is at least (``same`` |u + w|² + ``opposite`` |u - w|²) / 2,
-    with u and w the velocities of their ends. ``weight``: of what moves with the platform, half of
-    the bars included, (3,), N. ``torque``: the largest torque of each motor, of gravity on its
-    arm and of what else pushes it, (3,), N·m. ``braking``: by how much more an arm can be braked
-    than pushed, N·m, and ``viscous``, with its speed, N·m·s/rad. ``speed``: of the arms, (3,),
-    rad/s. ``platform_speed``, ``acceleration``: of the platform, m/s and m/s². What is not limited
-    is infinite.
+    differ between start and goal, (3,), rad. ``energies``: of the robot. ``weight``: of what moves
+    with the platform, half of the bars included, (3,), N. ``torque``: the largest torque of each
+    motor, of gravity on its arm and of what else pushes it, (3,), N·m. ``braking``: by how much
+    more an arm can be braked than pushed, N·m. ``speed``: of the arms, (3,), rad/s.
+    ``platform_speed``, ``acceleration``: of the platform, m/s and m/s². What is not limited is
+    infinite.
     """
 
     platform: Array
     arms: Array
-    arm_inertia: float
-    arm: float
-    mass: float
-    same: float
-    opposite: float
+    energies: Energies
     weight: Array
     torque: Array
     braking: float
-    viscous: float
     speed: Array
     platform_speed: float
     acceleration: float
@@ -117,15 +110,10 @@ class _Way:
         return cls(
             platform=ends[1] - ends[0],
             arms=np.abs(goal - start),
-            arm_inertia=energies.arm_inertia,
-            arm=energies.arm,
-            mass=energies.mass,
-            same=energies.same,
-            opposite=energies.opposite,
+            energies=energies,
             weight=(energies.mass + energies.bars / 2) * gravity,
             torque=_upper(limits, "torque", 3) + energies.gravity + energies.pushing,
             braking=energies.braking - energies.pushing,
-            viscous=energies.viscous,
             speed=_upper(limits, "speed", 3),
             platform_speed=float(_upper(limits, "platform speed", 1)[0]),
             acceleration=float(_upper(limits, "acceleration", 1)[0]),
@@ -138,7 +126,7 @@ class _Way:
 
     def losing(self, speed: Array | float) -> _Forces:
         """What it loses energy by, with arms of this speed at most, rad/s."""
-        return self.torque + self.braking + self.viscous * speed, -self.weight
+        return self.torque + self.braking + self.energies.viscous * speed, -self.weight
 
     def inertias(self, split: Array) -> tuple[Array, Array]:
         """Inertia of an arm, kg·m², and mass of the platform with what counts of the bars, kg.
@@ -147,12 +135,13 @@ class _Way:
         ±(e u² + w² / e) for every e > 0, so that the energy of the bars has a lower bound without
         the product. ``split``: (n,), log e as a share of the largest at which both parts count.
         """
-        both, apart = self.same + self.opposite, abs(self.same - self.opposite)
+        own = self.energies
+        both, apart = own.same + own.opposite, abs(own.same - own.opposite)
         if not both:
-            return np.full(len(split), self.arm_inertia), np.full(len(split), self.mass)
+            return np.full(len(split), own.arm_inertia), np.full(len(split), own.mass)
         e = (both / apart) ** split if apart else np.ones(len(split))
-        arms = np.maximum(both - apart * e, 0.0) * self.arm**2
-        return self.arm_inertia + arms, self.mass + 3 * np.maximum(both - apart / e, 0.0)
+        arms = np.maximum(both - apart * e, 0.0) * own.arm**2
+        return own.arm_inertia + arms, own.mass + 3 * np.maximum(both - apart / e, 0.0)
 
 
 def _upper(limits: SceneLimits, name: str, number: int) -> Array:
@@ -168,7 +157,7 @@ def _by_work(way: _Way) -> float:
     the motion takes: so the bound is itself a function of the duration, and decreasing. No
     duration is possible below the one at which it is met.
     """
-    if not way.viscous:
+    if not way.energies.viscous:
         return _work_bound(way, (way.gaining, way.losing(0.0)))
     inertia = float(way.inertias(np.zeros(1))[0][0])
     if not inertia and not np.isfinite(way.speed).all():
@@ -242,7 +231,7 @@ def _by_speed(way: _Way) -> float:
     weights = np.array([*np.eye(3), way.arms, way.torque])
     fastest, turn = weights @ way.speed, weights @ way.arms
     at_speed = turn / fastest
-    if way.viscous or not inertia.all():
+    if way.energies.viscous or not inertia.all():
         return float(at_speed.max())
     ramps = np.zeros((len(inertia), len(weights)))
     for torque in (way.torque, way.torque + way.braking):
@@ -259,7 +248,7 @@ def _by_power(way: _Way) -> float:
         return 0.0
     _, masses = way.inertias(_SPLITS)
     mass = float(masses.max())
-    friction = way.braking + way.viscous * way.speed
+    friction = way.braking + way.energies.viscous * way.speed
     powers = [float(torque @ way.speed) for torque in (way.torque, way.torque + friction)]
     power, weight = max(powers), float(np.linalg.norm(way.weight)) / np.sqrt(mass)
     progress = float(np.linalg.norm(way.platform)) * np.sqrt(mass)
@@ -275,11 +264,8 @@ def _by_power(way: _Way) -> float:
 
 def _by_platform(way: _Way) -> float:
     """The bound from limits on the platform's own speed and acceleration."""
-    distance, speed, acceleration = (
-        float(np.linalg.norm(way.platform)),
-        way.platform_speed,
-        way.acceleration,
-    )
+    distance = float(np.linalg.norm(way.platform))
+    speed, acceleration = way.platform_speed, way.acceleration
     if speed**2 < distance * acceleration:  # the speed limit is reached, perhaps at once
         return distance / speed + speed / acceleration
     return float(2 * np.sqrt(distance / acceleration))

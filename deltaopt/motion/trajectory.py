@@ -203,6 +203,10 @@ class Trajectory:
             end_velocities=(vector3(np.divide(before, factor)), vector3(np.divide(after, factor))),
         )
 
+    def then(self, other: Trajectory) -> Trajectory:
+        """This motion and another from where it ends, as far as the platform's path tells it."""
+        return Trajectory(self.position.then(other.position), self.model)
+
     def _motion(self, t: Array, x: Array, v: Array, a: Array) -> Motion:
         q, dq, ddq = self.model.motion(x, v, a)
         tau = self.model.inverse_dynamics(x, v, a)

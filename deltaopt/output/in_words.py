@@ -45,7 +45,7 @@ def told(facts: Facts) -> Iterator[str]:
 def surprises(facts: Facts) -> list[str]:
     """Lines on what nobody asked for and everybody must know; ``details`` has them too."""
     found = facts.verification
-    unmet = [] if _is_optimal(found) else _optimality(found, facts.found.tolerance)
+    unmet = [] if is_optimal(found) else _optimality(found, facts.found.tolerance)
     return [*filter(None, [above_nominal(found.duty)]), *_long(found), *unmet]
 
 
@@ -216,7 +216,7 @@ def _distance(each: Distance) -> str:
     return f"{each.name}: {each.formula} = {each.least:.2g}, {where}{passed}"
 
 
-def _is_optimal(verification: Verification) -> bool:
+def is_optimal(verification: Verification) -> bool:
     """Whether the motion meets Pontryagin's condition."""
     numbers = verification.hamiltonian_spread, verification.sign_violation
     return all(each is not None and each < MET for each in numbers)
@@ -228,7 +228,7 @@ def _optimality(verification: Verification, asked_for: object) -> list[str]:
     There is no bound on it, for as a rule only motions with resolved switches meet it.
     """
     spread, violation = verification.hamiltonian_spread, verification.sign_violation
-    met = _is_optimal(verification)
+    met = is_optimal(verification)
     certified = isinstance(asked_for, float) and asked_for <= RESOLVED_BELOW
     if spread is None or not (met or certified):
         return []

@@ -25,6 +25,7 @@ from deltaopt.limits.running_cost import Running
 from deltaopt.motion.running_cost import cost as cost_of
 from deltaopt.motion.trajectory import Trajectory, goal_of, passes
 from deltaopt.planning.first_motions.initial_motion import waiting_motions
+from deltaopt.planning.mesh.error_estimate import split
 from deltaopt.planning.nlp.cost import FASTEST, SMOOTHLY_FASTEST, Cost
 from deltaopt.planning.nlp.problem import Formulated, Guess
 from deltaopt.planning.nlp.scaling import Scaling
@@ -154,7 +155,7 @@ def beginnings(
         guess = Guess(begin.guess, near=False, tolerance=_ROUGHLY)
         model = begin.guess.model
         raw = if_possible(
-            ENDS_AN_ATTEMPT, problem.on(begin.mesh).solve, guess, scaling, model.parameters
+            ENDS_AN_ATTEMPT, problem(begin.mesh).solve, guess, scaling, model.parameters
         )
         if raw is not None:
             motion = Trajectory(raw.position, model, raw.coordinates)
@@ -168,8 +169,7 @@ def far_and_near(starts: Sequence[Beginning], together: int) -> Iterator[tuple[B
     the guess's own mesh, for a motion that is hardly slower than the fastest is at them."""
     yield from ((start, False) for start in starts)
     for start in starts:
-        mesh = np.diff(start.guess.knots) / start.guess.duration
-        yield replace(start, mesh=np.repeat(mesh / together, together)), True
+        yield replace(start, mesh=split(start.guess.shares, together)), True
 
 
 def _waiting_mesh(motion: Trajectory, intervals: int) -> Array:

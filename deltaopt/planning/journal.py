@@ -13,16 +13,6 @@ every plan takes, and three times what any scene of the frozen campaign does."""
 
 
 @dataclass(frozen=True)
-class Note:
-    """What was decided between two attempts: a ``text``."""
-
-    text: str
-
-    def __str__(self) -> str:
-        return self.text
-
-
-@dataclass(frozen=True)
 class Entry:
     """One attempt to plan.
 
@@ -44,19 +34,20 @@ class Entry:
 
 @dataclass
 class Journal:
-    """Collects the entries of one plan, and tells what happens as it happens.
+    """Collects the entries of one plan, and what was decided between them, and tells what happens
+    as it happens.
 
     ``tell``: is called with every line. ``solves``: meshes that were solved so far.
     """
 
     tell: Progress
-    entries: list[Entry | Note] = field(default_factory=list)
+    entries: list[Entry | str] = field(default_factory=list)
     solves: int = 0
     _begun: tuple[str, str, int] | None = None
 
     def note(self, text: str) -> None:
         """Tell a decision, such as why something is attempted once more."""
-        self.entries.append(Note(text))
+        self.entries.append(text)
         self.tell(text)
 
     def begin(self, proposal: str, begun: str) -> None:

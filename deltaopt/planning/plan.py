@@ -21,7 +21,7 @@ from deltaopt.motion.limit_sensitivity import (
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.running_cost import cost as cost_of
 from deltaopt.motion.trajectory import Trajectory, moving_on, phase_durations
-from deltaopt.planning.journal import Entry, Note
+from deltaopt.planning.journal import Entry
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
 
@@ -158,7 +158,7 @@ class Plan:
     optima: tuple[Optimum, ...] = field(default=(), compare=False)
     ways: tuple[TakenWay, ...] = field(default=(), compare=False)
     searched: str = field(default="", compare=False)
-    journal: tuple[Entry | Note, ...] = field(default=(), compare=False)
+    journal: tuple[Entry | str, ...] = field(default=(), compare=False)
     free_duration: float | None = None
     multipliers: Multipliers | None = field(default=None, compare=False)
 

@@ -196,7 +196,7 @@ class Refinement:
 
     def _solve(self, mesh: Array, guess: Guess, scaling: Scaling) -> None:
         scaling = replace(scaling, softening=self._softening(guess))
-        self.solutions.append(solve_on_mesh(self.program.on(mesh), scaling, guess))
+        self.solutions.append(solve_on_mesh(self.program(mesh), scaling, guess))
         self.iterations.append(iteration_of(self.solutions))
         if self._within_tolerance and self.scaling.problem.may_be_slowed:
             # So far limits were checked at samples: now at all instants.

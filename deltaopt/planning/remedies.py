@@ -54,19 +54,14 @@ def _leaving_torque(kept: float) -> Remedy:
 def _from_another_mesh(
     optimiser: TrajectoryOptimiser, attempt: Attempt, outcome: Outcome
 ) -> Attempt | None:
-    if not (_is_missed(attempt, outcome) and optimiser.tolerance < optimiser.resolved_below):
+    """Where a motion from rest to rest that is not in phases is found and misses a tolerance to
+    which switches are resolved."""
+    task, is_tight = attempt.scene.task, optimiser.tolerance < optimiser.resolved_below
+    in_one = task.is_at_rest and not task.gates and isinstance(attempt.scene.objective, Time)
+    is_missed = isinstance(outcome, Plan) and not outcome.within_tolerance
+    if not (in_one and is_tight and is_missed):
         return None
     return replace(attempt, intervals=_RETRY_HALVES * attempt.intervals // 2)
-
-
-def _is_missed(attempt: Attempt, outcome: Outcome) -> bool:
-    """Whether a motion from rest to rest that is not in phases is found and misses its
-    tolerance."""
-    scene = attempt.scene
-    resolvable = (
-        scene.task.is_at_rest and not scene.task.gates and isinstance(scene.objective, Time)
-    )
-    return resolvable and isinstance(outcome, Plan) and not outcome.within_tolerance
 
 
 REMEDIES = (_kept_away, *map(_leaving_torque, _TORQUE_KEPT), _from_another_mesh)

@@ -35,8 +35,8 @@ _NEAR_ENDS = 100
 _DISCS = 8
 """How many times as far as from other paths numbers are from each other: each covers some of its
 path."""
-_EACH = 4
-"""Instants of torques between two knots."""
+_INSIDE = np.array([0.0, 0.25, 0.5, 0.75, 1 - 1e-9])
+"""Fractions of an interval between two knots, at which torques are drawn, its end nearly."""
 _SIDES = {0.0: "above the start (mm)", np.pi / 2: "beside the start (mm)"}
 """What the upward axis of the path's panels says, by the angle from which they are seen."""
 
@@ -120,7 +120,7 @@ def _paths(axes: Axes, plan: CyclePlan, place: Place, up: str) -> None:
 def _torques(axes: Axes, plan: CyclePlan) -> None:
     """Draw each motor's torque over the period in percent of its limit, and what its RMS may be."""
     knots = plan.trajectory.knots
-    t = np.append((knots[:-1, None] + np.diff(knots)[:, None] * _inside()).ravel(), knots[-1])
+    t = np.append((knots[:-1, None] + np.diff(knots)[:, None] * _INSIDE).ravel(), knots[-1])
     largest = limits_of(plan.legs[0].scene).upper("torque")
     assert largest is not None
     motor_curves(axes, 1e3 * t, 100 * plan.trajectory(t).tau / largest)
@@ -139,8 +139,3 @@ def _torques(axes: Axes, plan: CyclePlan) -> None:
     axes.set_ylabel("% of the limit")
     axes.set_title(told)
     name_lines(axes, room=0.2, apart=0.14)
-
-
-def _inside() -> Array:
-    """Fractions of an interval, its beginning among them and its end nearly."""
-    return np.append(np.arange(_EACH) / _EACH, 1 - 1e-9)

@@ -18,10 +18,10 @@ from matplotlib.figure import Figure
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.limits.limit import OwnMeasure
-from deltaopt.motion.certificate import MET
 from deltaopt.motion.limit_curves import LimitCurves, limit_curves
 from deltaopt.motion.trajectory import Trajectory, ends_of
 from deltaopt.output.facts import Facts, together
+from deltaopt.output.in_words import is_optimal
 from deltaopt.plots.colours import BLACK, COLOURS, GREY, LIGHT_GREY, LINE_COLOURS
 from deltaopt.plots.style import SMALL, STROKES, figure, motor_curves, without_box
 from deltaopt.plots.surroundings import draw_bodies
@@ -50,7 +50,8 @@ def draw_limits(file: Path, facts: Facts) -> None:
     """Draw a motion for a scene into a file, with switching functions where it meets Pontryagin's
     condition. The format follows the file's suffix: png, pdf or svg."""
     scene, trajectory = facts.scene, facts.trajectory
-    costates, told = _costates(facts), caption(facts.verification)
+    costates = extremal(scene, trajectory) if is_optimal(facts.verification) else None
+    told = caption(facts.verification)
     steps = max(2, _SAMPLES // (len(trajectory.knots) - 1))
     inside = np.linspace(0, 1, steps)  # 0 and 1: both sides of a jump at a knot
     motion = trajectory.inside_intervals(inside)
@@ -85,15 +86,6 @@ def draw_limits(file: Path, facts: Facts) -> None:
             _hamiltonian(page.add_subplot(grid[panels, 1]), costates)
         _legend(page, left[0], side)
         page.supxlabel(told, fontsize=SMALL)
-
-
-def _costates(facts: Facts) -> Extremal | None:
-    """Costates and switching functions for the chart; None if Pontryagin's condition is not met."""
-    spread = facts.verification.hamiltonian_spread
-    violation = facts.verification.sign_violation
-    if spread is None or violation is None or max(spread, violation) > MET:
-        return None
-    return extremal(facts.scene, facts.trajectory)
 
 
 def caption(verification: Verification) -> str:

@@ -167,20 +167,22 @@ def _other_ways(found: Plan | StraightLine) -> str:
     """With which motions that lead another way it was compared."""
     ways, optima = len(found.ways), len(found.optima)
     if ways > 1:
-        return f"It was compared with {_counted(ways - 1, 'other way')} past the bodies."
+        return (
+            f"It was compared with {_counted(ways - 1, 'other way', 'other ways')} past the bodies."
+        )
     if ways == 1 and found.ways[0].name == CLEAR:
         return "It keeps clear of all bodies without a detour."
     if ways == 1:
         return "No other way past the bodies was found."
     if optima > 1:
-        return f"It was compared with {_counted(optima - 1, 'other local optimum')}."
+        others = _counted(optima - 1, "other local optimum", "other local optima")
+        return f"It was compared with {others}."
     return "Motions that lead another way were not compared."
 
 
-def _counted(number: int, what: str) -> str:
+def _counted(number: int, one: str, several: str) -> str:
     """A number of things: "one other way", "3 other ways"."""
-    plural = {"other way": "other ways", "other local optimum": "other local optima"}
-    return f"one {what}" if number == 1 else f"{number} {plural[what]}"
+    return f"one {one}" if number == 1 else f"{number} {several}"
 
 
 def _compared(durations: Mapping[str, float]) -> tuple[str, str]:

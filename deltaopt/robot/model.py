@@ -323,18 +323,14 @@ class DeltaModel(Model):
         if points.near.any():
             places = points.places[points.near]
             near = (rows_at(argument, places) for argument in (x, v, tau))
-            (robust,) = self._checked(self._robust_accelerations, *near)[0]
-            np.atleast_2d(a)[places] = robust
+            # Those of model L_I stay accurate near serial singularities.
+            robust = guarded_functions(delta_functions(self.functions.terms, Multiplier()))
+            (np.atleast_2d(a)[places],) = self._checked(robust.accelerations, *near)[0]
         return a
 
     @cached_property
     def _rows(self) -> GuardedFunctions:
         return guarded_functions(self.functions)
-
-    @property
-    def _robust_accelerations(self) -> RowFunction:
-        """Of model L_I, whose accelerations stay accurate near serial singularities."""
-        return guarded_functions(delta_functions(self.functions.terms, Multiplier())).accelerations
 
     def _checked(self, function: RowFunction, *arguments: ArrayLike) -> Checked:
         return function.with_failures(*arguments, parameters=self.parameters)

@@ -25,6 +25,20 @@ _ENDS: dict[str, Any] = {
 FromTo: Any = create_model("FromTo", __base__=Record, **_ENDS)
 
 
+class Between(FromTo):  # type: ignore[misc]  # made by pydantic
+    """A shape that two points give, m."""
+
+    @property
+    def ends(self) -> tuple[Vector3, Vector3]:
+        """Both points, m."""
+        return getattr(self, "from"), self.to
+
+    @property
+    def centre(self) -> Vector3:
+        """The middle between them, m."""
+        return vector3((p + q) / 2 for p, q in zip(*self.ends, strict=True))
+
+
 class Sphere(Record):
     """A sphere: its ``centre`` and ``radius``, m.
 
@@ -37,7 +51,7 @@ class Sphere(Record):
     radius: Annotated[Positive, LENGTH] = Field(description=RADIUS)
 
 
-class Box(FromTo):  # type: ignore[misc]  # made by pydantic
+class Box(Between):
     """A box along the axes of the base's frame between the opposite corners ``from`` and ``to``,
     m. The first is a word of Python, and stands in a mapping: ``Box(**{"from": …, "to": …})``.
 
@@ -49,24 +63,18 @@ class Box(FromTo):  # type: ignore[misc]  # made by pydantic
 
     @model_validator(mode="after")
     def _has_sides(self) -> Self:
-        if any(a == b for a, b in zip(getattr(self, "from"), self.to, strict=True)):
+        if any(a == b for a, b in zip(*self.ends, strict=True)):
             expected = "a corner in m that differs from the corner from in every coordinate"
             raise SceneError(None, "to", self.to, expected)
         return self
 
     @property
-    def centre(self) -> Vector3:
-        """The middle, m."""
-        return vector3((p + q) / 2 for p, q in zip(getattr(self, "from"), self.to, strict=True))
-
-    @property
     def half(self) -> Vector3:
         """Half of the lengths of its sides, m."""
-        ends = zip(getattr(self, "from"), self.to, strict=True)
-        return vector3(abs(p - q) / 2 for p, q in ends)
+        return vector3(abs(p - q) / 2 for p, q in zip(*self.ends, strict=True))
 
 
-class Along(FromTo):  # type: ignore[misc]  # made by pydantic
+class Along(Between):
     """A shape about the line between the points ``from`` and ``to``, m, with a ``radius``, m."""
 
     radius: Annotated[Positive, LENGTH] = Field(description=RADIUS)
@@ -76,16 +84,6 @@ class Along(FromTo):  # type: ignore[misc]  # made by pydantic
         if getattr(self, "from") == self.to:
             raise SceneError(None, "to", self.to, _OTHER)
         return self
-
-    @property
-    def ends(self) -> tuple[Vector3, Vector3]:
-        """Both ends of the line, m."""
-        return getattr(self, "from"), self.to
-
-    @property
-    def centre(self) -> Vector3:
-        """The middle of the line, m."""
-        return vector3((p + q) / 2 for p, q in zip(*self.ends, strict=True))
 
     @property
     def length(self) -> float:

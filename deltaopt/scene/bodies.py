@@ -210,58 +210,54 @@ def _sum(
 ) -> Convex:
     """A body and a shape of the tool, reflected in the tool's point."""
     if shape is None:
-        return _alone(body, (0.0, 0.0, 0.0))
-    moved = _negative(shape.centre)
+        return _alone(body, np.zeros(3))
+    moved = -np.array(shape.centre)
     if isinstance(shape, Sphere):
         return _alone(body, moved).grown(shape.radius)
     spread = _half_sides(shape)
     radius = 0.0 if isinstance(shape, Box) else shape.radius
     if isinstance(body, HalfSpace):
-        return _alone(body, moved, _reach(body, spread)).grown(radius)
+        return _alone(body, moved, spread).grown(radius)
     if isinstance(body, Sphere):
-        return _of_tool(shape, _plus(body.centre, moved)).grown(body.radius)
+        return _at(moved + body.centre, shape).grown(body.radius)
     if isinstance(body, Cylinder):
         along = _axis(body)
         if isinstance(shape, Box) or np.linalg.norm(np.cross(along, spread[0])) > _PARALLEL:
             raise _NoClosedForm
-        return _upright(body, moved, hypot(*spread[0])).grown(radius)
+        return _at(moved + body.centre, body, hypot(*spread[0])).grown(radius)
     if isinstance(body, Box) and all(np.count_nonzero(side) <= 1 for side in spread):
         half = np.array(body.half) + np.abs(spread).sum(axis=0)
-        return Solid(ALONG_THE_BASE, _plus(body.centre, moved), vector3(half), False, radius)
-    corners = _corners(body)[:, None] + _ends(spread) + np.array(moved)
+        return Solid(ALONG_THE_BASE, vector3(moved + body.centre), vector3(half), False, radius)
+    corners = _corners(body)[:, None] + _ends(spread) + moved
     return _polytope(corners.reshape(-1, 3), radius)
 
 
 def _alone(
-    body: Box | Sphere | Cylinder | HalfSpace | Hull, moved: Vector3, reach: float = 0.0
+    body: Box | Sphere | Cylinder | HalfSpace | Hull, moved: Array, spread: Array | float = 0.0
 ) -> Convex:
-    """A body, moved; of a half-space also towards where the tool is, by ``reach`` (m)."""
-    if isinstance(body, Box):
-        return Solid(ALONG_THE_BASE, _plus(body.centre, moved), body.half, False, 0.0)
-    if isinstance(body, Sphere):
-        centre = _plus(body.centre, moved)
-        return Solid(ALONG_THE_BASE, centre, (0.0, _LARGE, 0.0), True, body.radius)
-    if isinstance(body, Cylinder):
-        return _upright(body, moved, 0.0)
+    """A body, moved; a half-space also by as much as a box or a line of half sides ``spread``, (n,
+    3), m, reaches towards it."""
     if isinstance(body, HalfSpace):
         normal = np.array(body.normal) / hypot(*body.normal)
-        middle = np.array(body.point) + np.array(moved) + (_LARGE - reach) * normal
+        reach = float(np.abs((spread * normal).sum(axis=-1)).sum())
+        middle = np.array(body.point) + moved + (_LARGE - reach) * normal
         return Solid(_axes_with(normal), vector3(middle), (_LARGE, _LARGE, _LARGE), False, 0.0)
-    return _polytope(np.array(body.points) + np.array(moved), 0.0)
+    if isinstance(body, Hull):
+        return _polytope(np.array(body.points) + moved, 0.0)
+    return _at(moved + body.centre, body)
 
 
-def _upright(body: Cylinder, moved: Vector3, longer: float) -> Solid:
-    """A cylinder, longer by so much at both ends."""
-    half = (body.radius, _LARGE, body.length / 2 + longer)
-    return Solid(_axes_with(_axis(body)), _plus(body.centre, moved), half, True, 0.0)
-
-
-def _of_tool(shape: Box | Capsule, centre: Vector3) -> Solid:
-    """The shape itself: a box, or a capsule as a cylinder of no radius, grown."""
+def _at(place: Array, shape: Box | Sphere | Along, longer: float = 0.0) -> Solid:
+    """A shape with its centre at a place, (3,), m; one along a line longer by so much at both ends.
+    Spheres and capsules are cylinders of no radius, grown."""
+    centre = vector3(place)
     if isinstance(shape, Box):
         return Solid(ALONG_THE_BASE, centre, shape.half, False, 0.0)
-    half = (0.0, _LARGE, shape.length / 2)
-    return Solid(_axes_with(_axis(shape)), centre, half, True, shape.radius)
+    if isinstance(shape, Sphere):
+        return Solid(ALONG_THE_BASE, centre, (0.0, _LARGE, 0.0), True, shape.radius)
+    across, radius = (shape.radius, 0.0) if isinstance(shape, Cylinder) else (0.0, shape.radius)
+    half = (across, _LARGE, shape.length / 2 + longer)
+    return Solid(_axes_with(_axis(shape)), centre, half, True, radius)
 
 
 def _polytope(points: Array, radius: float) -> Polytope:
@@ -285,16 +281,10 @@ def _ends(spread: Array) -> Array:
     return np.asarray((signs[:, :, None] * spread).sum(axis=1))
 
 
-def _reach(body: HalfSpace, spread: Array) -> float:
-    """How far a box or a line reaches towards a half-space, m."""
-    normal = np.array(body.normal) / hypot(*body.normal)
-    return float(np.abs((spread * normal).sum(axis=1)).sum())
-
-
 def _corners(body: Box | Hull) -> Array:
     if isinstance(body, Hull):
         return np.array(body.points)
-    return np.array(body.centre) + _ends(np.diag(body.half))
+    return np.array(body.centre) + _ends(_half_sides(body))
 
 
 def _axis(body: Along) -> Array:
@@ -309,11 +299,3 @@ def _axes_with(third: Array) -> Axes:
     second = np.cross(third, first)
     second = second / hypot(*second)
     return vector3(np.cross(second, third)), vector3(second), vector3(third)
-
-
-def _plus(one: Vector3, other: Vector3) -> Vector3:
-    return vector3(np.add(one, other))
-
-
-def _negative(one: Vector3) -> Vector3:
-    return vector3(-np.array(one))

@@ -78,7 +78,7 @@ class _Weighted(Record):
 
     def alone(self, duration: float) -> Objective:
         """The least of its integral over a duration, s."""
-        return next(kind for kind in _IN_TIME.values() if kind.rate is self.rate)(duration=duration)
+        return _IN_TIME[self.rate.word](duration=duration)
 
 
 class Time(_Weighted):
@@ -175,6 +175,10 @@ class _WithTime(_Weighted):
         default=1.0, description="a weight of the duration, greater than 0"
     )
 
+    @property
+    def weights(self) -> tuple[float, float]:
+        return self.time, getattr(self, self.rate.word)
+
     def __str__(self) -> str:
         time, weight = self.weights
         integral = self.rate.integral[self.rate.integral.index("∫") :]
@@ -192,10 +196,6 @@ class TimeAndEffort(_WithTime):
     effort: Annotated[Positive, EFFORT_WEIGHT] = Field(
         description="a weight of the effort in 1/(N²m²), greater than 0"
     )
-
-    @property
-    def weights(self) -> tuple[float, float]:
-        return self.time, self.effort
 
 
 class TimeAndEfforts(_WithTime):
@@ -244,10 +244,6 @@ class TimeAndJerk(_WithTime):
     )
     rate = Running.JERK
 
-    @property
-    def weights(self) -> tuple[float, float]:
-        return self.time, self.jerk
-
 
 class TimeAndTorqueRate(_WithTime):
     """Minimise ``time`` · T + ``torque_rate`` · ∫ ‖dτ/dt‖² dt, in s; the weight ``torque_rate`` is
@@ -263,10 +259,6 @@ class TimeAndTorqueRate(_WithTime):
     )
     rate = Running.TORQUE_RATE
 
-    @property
-    def weights(self) -> tuple[float, float]:
-        return self.time, self.torque_rate
-
 
 Objective = (
     Time
@@ -278,16 +270,8 @@ Objective = (
     | TimeAndJerk
     | TimeAndTorqueRate
 )
-_IN_TIME: dict[str, type[Effort | SmoothMotion | SmoothTorque]] = {
-    "effort": Effort,
-    "jerk": SmoothMotion,
-    "torque_rate": SmoothTorque,
-}
-_WITH_TIME: dict[str, type[TimeAndEffort | TimeAndEfforts | TimeAndJerk | TimeAndTorqueRate]] = {
-    "effort": TimeAndEffort,
-    "jerk": TimeAndJerk,
-    "torque_rate": TimeAndTorqueRate,
-}
+_IN_TIME = {kind.rate.word: kind for kind in (Effort, SmoothMotion, SmoothTorque)}
+_WITH_TIME = {kind.rate.word: kind for kind in (TimeAndEffort, TimeAndJerk, TimeAndTorqueRate)}
 
 
 def objective_in(content: dict[str, object]) -> dict[str, object]:
@@ -314,6 +298,7 @@ def objective_in(content: dict[str, object]) -> dict[str, object]:
     if word == "time":
         return {**rest, "objective": Time()}
     if isinstance(given, dict):
+        kind: type[_WithTime]
         kind = next((_WITH_TIME[key] for key in given if key in _WITH_TIME), TimeAndEffort)
         if kind is TimeAndEffort and isinstance(given.get("effort"), list | tuple):
             kind = TimeAndEfforts
@@ -330,7 +315,6 @@ def content_of(objective: Objective) -> dict[str, object]:
         return {"objective": "time"}
     if isinstance(objective, _WithTime):
         return {"objective": objective.model_dump()}
-    word = next(word for word, kind in _IN_TIME.items() if isinstance(objective, kind))
     share = objective.of_fastest
     duration = objective.duration if share is None else f"{100 * share!r} %"
-    return {"objective": word, "duration": duration}
+    return {"objective": objective.rate.word, "duration": duration}

@@ -78,14 +78,10 @@ def require_distinct(via: Sequence[ViaPoint], start: Vector3, goal: Vector3 | No
         raise SceneError(None, "via", content_of_via([_of(point) for point in via]), expected)
     for number, point in enumerate(via):
         beside = (points[number], *points[number + 2 : number + 3])
-        most = min(_distance(point, other) + other.within for other in beside)
+        most = min(dist(point.position, other.position) + other.within for other in beside)
         if point.within >= most:
             expected = f"less than {most:.6g} m: it holds all of the point before or after it"
             raise SceneError(None, f"via[{number}].within", point.within, expected)
-
-
-def _distance(one: ViaPoint, other: ViaPoint) -> float:
-    return dist(one.position, other.position)
 
 
 def _of(point: ViaPoint) -> Via:

@@ -9,6 +9,7 @@ import numpy as np
 
 from deltaopt.codegen.vectorised import evaluate_rows
 from deltaopt.curves.piecewise import Array
+from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.errors import Unreachable
 from deltaopt.mechanisms.functions import Functions
@@ -31,12 +32,13 @@ def model_errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     lengths = units.coordinates(functions)
     motion = [rows * units.time**k / lengths for k, rows in enumerate((q, dq, ddq))]
     arguments, parameters = [*motion, tau / units.torque(functions)], units.parameters(model)
-    kinematic, dynamic = evaluate_rows(_residuals(functions), *arguments, parameters=parameters)
+    by = _residuals(functions, Explicit())
+    kinematic, dynamic = evaluate_rows(by, *arguments, parameters=parameters)
     doubtful = np.logical_not(np.linalg.norm(dynamic, axis=1) <= DYNAMIC_ERROR)
     if doubtful.any():
         try:
-            (dynamic[doubtful],) = evaluate_rows(
-                _robust_residuals(functions),
+            _, dynamic[doubtful] = evaluate_rows(
+                _residuals(functions, Multiplier()),
                 *(rows[doubtful] for rows in arguments),
                 parameters=parameters,
             )
@@ -56,27 +58,18 @@ def model_errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
 
 
 @lru_cache(maxsize=16)
-def _residuals(functions: Functions) -> ca.Function:
-    """(q, q̇, q̈, τ, p) -> (f, J q̇ + μ), q̈ - q̈(q, q̇, τ)."""
+def _residuals(functions: Functions, formulation: Formulation) -> ca.Function:
+    """(q, q̇, q̈, τ, p) -> (f, J q̇ + μ), q̈ - q̈(q, q̇, τ). By eq. (37) it is slower than by eq. (39)
+    and accurate near serial singularities too, where eq. (39) is exact to rounding over the squared
+    distance alone."""
     m = functions.mechanism
     closure = ca.Function("closure", [m.q, m.dq, m.parameters], [m.holonomic, m.constraint_rate])
-    forward = Explicit().forward_dynamics(m)
     q, dq, ddq = (ca.MX.sym(name, m.q.numel()) for name in ("q", "dq", "ddq"))
     tau, p = ca.MX.sym("tau", 3), ca.MX.sym("p", functions.symbols().numel())
-    modelled, _ = forward(0, q, dq, tau, p)
+    modelled, _ = formulation.forward_dynamics(m)(0, q, dq, tau, p)
     kinematic = ca.vertcat(*closure(q, dq, p))
-    return ca.Function("residuals", [q, dq, ddq, tau, p], [kinematic, ddq - modelled]).expand()
-
-
-@lru_cache(maxsize=16)
-def _robust_residuals(functions: Functions) -> ca.Function:
-    """(q, q̇, q̈, τ, p) -> q̈ - q̈(q, q̇, τ) by eq. (37): slower, and accurate near serial
-    singularities too, where eq. (39) is exact to rounding over the squared distance alone."""
-    m = functions.mechanism
-    q, dq, ddq = (ca.MX.sym(name, m.q.numel()) for name in ("q", "dq", "ddq"))
-    tau, p = ca.MX.sym("tau", 3), ca.MX.sym("p", functions.symbols().numel())
-    modelled, _ = Multiplier().forward_dynamics(m)(0, q, dq, tau, p)
-    return ca.Function("robust_residuals", [q, dq, ddq, tau, p], [ddq - modelled])
+    found = ca.Function("residuals", [q, dq, ddq, tau, p], [kinematic, ddq - modelled])
+    return found.expand() if formulation == Explicit() else found
 
 
 def _nodes(trajectory: Trajectory) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ its two sides the curves, or their rates, differ by a jump, whose coefficients d
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import pi
@@ -88,7 +88,7 @@ class Cells:
 
     def cut(self, piece: Index, fraction: Array) -> Cells:
         """These cells, cut at fractions of pieces, (N,) each."""
-        kept = self._joined([self, Cells(piece, fraction, fraction)])
+        kept = self.joined([self, Cells(piece, fraction, fraction)])
         kept = kept[np.lexsort([kept.begin, kept.piece])]
         begin, piece = kept.begin, kept.piece
         last = np.append(piece[1:] != piece[:-1], True)
@@ -98,21 +98,18 @@ class Cells:
     def halved(self) -> Cells:
         """Both halves of each."""
         middle = (self.begin + self.end) / 2
-        return self._joined(
-            [Cells(self.piece, self.begin, middle), Cells(self.piece, middle, self.end)]
-        )
+        halves = Cells(self.piece, self.begin, middle), Cells(self.piece, middle, self.end)
+        return self.joined(halves)
 
     def places(self, share: Array) -> Array:
         """Fractions of the pieces, (M, n), at these shares of the cells, (n,)."""
         return np.asarray(self.begin[:, None] * (1 - share) + self.end[:, None] * share)
 
     @staticmethod
-    def _joined(parts: list[Cells]) -> Cells:
-        return Cells(
-            np.concatenate([part.piece for part in parts]),
-            np.concatenate([part.begin for part in parts]),
-            np.concatenate([part.end for part in parts]),
-        )
+    def joined(parts: Sequence[Cells]) -> Cells:
+        """All cells of all parts."""
+        arrays = zip(*(vars(part).values() for part in parts), strict=True)
+        return Cells(*map(np.concatenate, arrays))
 
 
 @dataclass(frozen=True)
@@ -149,9 +146,10 @@ class ResolvedCurves:
                 unknown &= ~(_as_rough(tails, before) & (tails < _ROUNDING * allowed))
             rough = unknown.any(axis=1)
             rough &= todo.cells.end - todo.cells.begin > _NARROWEST
-            done.append(todo._at(~rough))
+            done.append(cls(curves, todo.cells[~rough], todo.values[~rough]))
             if not rough.any():
-                return cls._joined(done)
+                cells = Cells.joined([each.cells for each in done])
+                return cls(curves, cells, np.concatenate([each.values for each in done]))
             number += int(rough.sum())
             if number > most:
                 raise TooRough("the motion changes too fast to be measured between samples")
@@ -253,17 +251,6 @@ class ResolvedCurves:
             np.where(higher, values, tops.values),
             np.where(higher, cells.piece, tops.pieces),
             np.where(higher, fractions, tops.fractions),
-        )
-
-    def _at(self, which: NDArray[np.bool]) -> ResolvedCurves:
-        return ResolvedCurves(self.curves, self.cells[which], self.values[which])
-
-    @staticmethod
-    def _joined(parts: list[ResolvedCurves]) -> ResolvedCurves:
-        return ResolvedCurves(
-            parts[0].curves,
-            Cells._joined([part.cells for part in parts]),
-            np.concatenate([part.values for part in parts]),
         )
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
 from deltaopt.codegen.c_compiler import compiler
@@ -13,7 +12,7 @@ from deltaopt.codegen.compile import in_machine_code
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.models import models
 from deltaopt.compare.dynamics.samples import NEAR_HOME, PAPER, exact_samples
-from deltaopt.compare.dynamics.study import operations
+from deltaopt.compare.dynamics.study import operations, renamed
 from deltaopt.compare.dynamics.tasks import TASKS as TASKS_OF
 from deltaopt.compare.dynamics.tasks import Samples
 from deltaopt.compare.dynamics.timing import Run, interleaved
@@ -116,7 +115,7 @@ def _costs(m: Mechanism, samples: Samples, rounds: int) -> dict[tuple[str, str],
     }
     runs = {(key, False): Run(f, task, samples) for key, (task, f, _) in built.items()}
     named = {
-        key: _renamed(f, f"model{i}") for i, (key, (_, f, can)) in enumerate(built.items()) if can
+        key: renamed(f, f"model{i}") for i, (key, (_, f, can)) in enumerate(built.items()) if can
     }
     fast = in_machine_code(list(named.values())) if compiler() else None
     for key, function in zip(named, fast or [], strict=fast is not None):
@@ -127,12 +126,6 @@ def _costs(m: Mechanism, samples: Samples, rounds: int) -> dict[tuple[str, str],
         key: Cost(operations(f), float(ns[key, False]), float(ns.get((key, True), np.nan)))
         for key, (_, f, _) in built.items()
     }
-
-
-def _renamed(f: ca.Function, name: str) -> ca.Function:
-    """A copy of a function with another name."""
-    x = f.sx_in() if f.is_a("SXFunction") else f.mx_in()
-    return ca.Function(name, x, [f(*x)])
 
 
 def table_of(found: Models) -> str:

@@ -19,7 +19,7 @@ from deltaopt.output.cycle_files import verified
 from deltaopt.output.facts import Facts, StraightLine
 from deltaopt.planning.first_motions.around_bodies import CLEAR
 from deltaopt.planning.first_motions.initial_motion import baseline
-from deltaopt.planning.journal import Entry, Note
+from deltaopt.planning.journal import Entry
 from deltaopt.planning.plan import Optimum, TakenWay
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.report.page import cycle_report, report, write_report
@@ -255,7 +255,7 @@ def test_what_was_attempted_is_told_where_it_was_more_than_once(planned):
         Text(report(Facts(SCENE, found.trajectory, found, verification)))
     )
     tried = Entry("the way <below>", "0.3 s, 16 intervals", "no motion", None, 4)
-    found = replace(found, journal=(*found.journal, Note("once more:"), tried))
+    found = replace(found, journal=(*found.journal, "once more:", tried))
     text = str(Text(report(Facts(SCENE, found.trajectory, found, verification))))
     assert "once more: the way <below>, 0.3 s, 16 intervals: no motion (4 meshes)" in text
 

@@ -137,7 +137,7 @@ def _cases(mechanism: Mechanism, partition: Partition) -> list[_Case]:
     """Every model at every task; names of the functions differ."""
     pairs = [(task, model) for task in TASKS for model in models(partition, PAPER)]
     return [
-        _Case(task, model, _renamed(model.build(mechanism, task), f"model{i}"))
+        _Case(task, model, renamed(model.build(mechanism, task), f"model{i}"))
         for i, (task, model) in enumerate(pairs)
     ]
 
@@ -194,6 +194,7 @@ def _jacobian(m: Mechanism, q: Array, p: Array) -> Array:
     return np.asarray(ca.Function("J", [m.time, m.q, m.parameters], [m.J])(0.0, q, p))
 
 
-def _renamed(function: ca.Function, name: str) -> ca.Function:
+def renamed(function: ca.Function, name: str) -> ca.Function:
+    """A copy of a function with another name."""
     x = function.sx_in() if function.is_a("SXFunction") else function.mx_in()
     return ca.Function(name, x, [function(*x)])

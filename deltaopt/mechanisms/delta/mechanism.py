@@ -167,7 +167,7 @@ def delta(parameters: DeltaParameters) -> Mechanism:
         load = p.load(qk[0], dqk[0])
         value = tau[k] if load is None else tau[k] - load
         efforts.append(Effort(value, dqk[0], p.most_load()))
-        closures.append(p.platform_at(platform) - _in_base(azimuth, *_tip(p, qk)))
+        closures.append(p.platform_at(platform) - in_base(azimuth, *_tip(p, qk)))
 
     holonomic = ca.vertcat(*closures)  # eq. (50)-(52)
     return Mechanism(
@@ -184,8 +184,8 @@ def delta(parameters: DeltaParameters) -> Mechanism:
     )
 
 
-def _in_base(azimuth: float, down: SX, outward: SX, sideways: SX) -> SX:
-    """A point given in the frame of a chain, in the base frame."""
+def in_base(azimuth: float, down: SX, outward: SX, sideways: SX) -> SX:
+    """A vector given in the frame of a chain, in the base frame."""
     c, s = cos(azimuth), sin(azimuth)
     return ca.vertcat(down, c * outward - s * sideways, s * outward + c * sideways)
 
@@ -204,7 +204,7 @@ def _arm(p: DeltaParameters, k: int, azimuth: float, qk: SX, dqk: SX) -> Body:
     """Body 2k+1, eq. (57) and (60)."""
     c, s = ca.cos(qk), ca.sin(qk)
     along, across = p.a2 if p.b1 is None else p.b1, 0 if p.b2 is None else p.b2
-    centre = _in_base(
+    centre = in_base(
         azimuth,
         -along * s[0] - across * c[0],
         p.a1 + along * c[0] - across * s[0],
@@ -216,7 +216,7 @@ def _arm(p: DeltaParameters, k: int, azimuth: float, qk: SX, dqk: SX) -> Body:
 def _bars(p: DeltaParameters, k: int, azimuth: float, qk: SX, dqk: SX) -> Body:
     """Body 2k+2, the pair of bars of a parallelogram, eq. (58) and (61)."""
     c, s = ca.cos(qk), ca.sin(qk)
-    centre = _in_base(
+    centre = in_base(
         azimuth,
         -2 * p.a2 * s[0] - p.a3 * c[2] * s[1],
         p.a1 + 2 * p.a2 * c[0] + p.a3 * c[1] * c[2],

@@ -20,7 +20,7 @@ from math import cos, sin
 import casadi as ca
 
 from deltaopt.dynamics.mechanism import SX
-from deltaopt.mechanisms.delta.mechanism import AZIMUTHS, DeltaParameters
+from deltaopt.mechanisms.delta.mechanism import AZIMUTHS, DeltaParameters, in_base
 
 
 def angle_free_equations(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> tuple[SX, SX, SX, SX]:
@@ -37,7 +37,7 @@ def angle_free_equations(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> tu
     alignments, speeds, accelerations = [], [], []
     for azimuth, torque in zip(AZIMUTHS, ca.vertsplit(tau), strict=True):
         chain = _Chain(p, azimuth, p.platform_at(x), v, a)
-        force += chain.to_base(*chain.force_on_platform(torque))
+        force += in_base(azimuth, *chain.force_on_platform(torque))
         alignments.append(chain.alignment)
         speeds.append(chain.dtheta)
         accelerations.append(chain.ddtheta)
@@ -50,7 +50,7 @@ def chain_forces(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> SX:
     forces = []
     for azimuth, torque in zip(AZIMUTHS, ca.vertsplit(tau), strict=True):
         chain = _Chain(p, azimuth, p.platform_at(x), v, a)
-        forces.append(chain.to_base(*chain.force_on_platform(torque)))
+        forces.append(in_base(azimuth, *chain.force_on_platform(torque)))
     return ca.vertcat(*forces)
 
 
@@ -155,7 +155,3 @@ class _Chain:
     def _local(self, vector: SX) -> _Vector:
         c, s = cos(self.azimuth), sin(self.azimuth)
         return _Vector(vector[0], c * vector[1] + s * vector[2], c * vector[2] - s * vector[1])
-
-    def to_base(self, down: SX, outward: SX, sideways: SX) -> SX:
-        c, s = cos(self.azimuth), sin(self.azimuth)
-        return ca.vertcat(down, c * outward - s * sideways, s * outward + c * sideways)

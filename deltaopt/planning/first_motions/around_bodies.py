@@ -164,10 +164,10 @@ def _driven(scene: Scene, band: Array) -> Trajectory | None:
     band = _without_spikes(band)
     steps = np.diff(band, axis=0)
     tangents = steps / np.linalg.norm(steps, axis=1, keepdims=True)
-    lengths, fastest = speeds(band)
+    durations, fastest = speeds(band)
     tangent = np.vstack([tangents[:1], tangents[1:] + tangents[:-1], tangents[-1:]])
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    t = np.append(0.0, np.cumsum(2 * lengths / (fastest[1:] + fastest[:-1])))
+    t = np.append(0.0, np.cumsum(durations))
     position = PiecewisePolynomial.hermite(t, band, tangent * fastest[:, None])
     motion = Trajectory(position, model_of(scene.robot, scene.payload))
     if not is_clear(scene, motion):

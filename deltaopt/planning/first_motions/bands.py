@@ -165,9 +165,7 @@ class Bodies:
         for w in np.flatnonzero(inside.any(axis=(1, 2))).tolist():
             first = int(inside[w].any(axis=1).argmax())
             body = int((distance[w, first] - self.kept).argmin())
-            last = first
-            while last + 1 < bands.shape[1] and inside[w, last + 1, body]:
-                last += 1
+            last = first + int(inside[w, first:, body].argmin()) - 1  # at their ends none is
             found[w] = body, first, last
         others = np.array([hit is None for hit in found])
         pierced = self.pierced(bands[others], distance[others])
@@ -258,15 +256,13 @@ class Bodies:
         for each body the side at the middle of the places where the band is near it."""
         distance, slope = self.distances(band[1:-1])
         near = distance <= self.kept + _NEAR * self.way
-        names = [f"{{}} keep_out[{index}]" for index, _ in self.scene.obstacles]
-        for link, index, _ in self.scene.planned_links:
-            names.append(f"{name_of(link)} clear of keep_out[{index}]")
         found = []
-        for row, name in zip(self._used, names, strict=True):
+        for row, (link, index) in zip(self._used, self._named, strict=True):
             places = np.flatnonzero(near[:, row])
             if len(places):
                 place = int(places[len(places) // 2])
-                found.append((place, name.format(_IN_WORDS[int(_side(slope[place, row]))])))
+                side = f"{link} clear of" if link else _IN_WORDS[int(_side(slope[place, row]))]
+                found.append((place, f"{side} keep_out[{index}]"))
         return tuple(dict.fromkeys(name for _, name in sorted(found)))
 
     def passed(self, distance: Array, slope: Array) -> Index:
@@ -284,12 +280,16 @@ class Bodies:
         clear of all."""
         room = (self.distances(band)[0] - self.kept)[:, self._used].min(axis=0)
         row = int(room.argmin())
-        links = ["the tool"] * len(self.scene.obstacles)
-        links += [name_of(link) for link, _, _ in self.scene.planned_links]
-        bodies = [index for index, _ in self.scene.obstacles]
-        bodies += [index for _, index, _ in self.scene.planned_links]
-        missed = f"{links[row]} comes {-1e3 * room[row]:.3g} mm too near to keep_out[{bodies[row]}]"
-        return missed if room[row] < 0 else ""
+        link, index = self._named[row]
+        missed = f"comes {-1e3 * room[row]:.3g} mm too near to keep_out[{index}]"
+        return f"{link or 'the tool'} {missed}" if room[row] < 0 else ""
+
+    @property
+    def _named(self) -> list[tuple[str, int]]:
+        """Of each row that is of a body: the link that keeps clear of it, empty for the tool, and
+        the index of the body."""
+        links = [(name_of(link), index) for link, index, _ in self.scene.planned_links]
+        return [*(("", index) for index, _ in self.scene.obstacles), *links]
 
     @property
     def _used(self) -> Index:

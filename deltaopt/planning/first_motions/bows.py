@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import Array, Index
 from deltaopt.planning.first_motions.bands import Bodies, resampled, sides_of, without_bodies
-from deltaopt.planning.first_motions.speeds import durations
+from deltaopt.planning.first_motions.speeds import speeds
 from deltaopt.scene.feasibility import room_at_rest
 
 Truths = NDArray[np.bool]
@@ -61,14 +61,14 @@ def bows(bodies: Bodies, base: Array) -> list[Array]:
         if not len(shifts):
             return []
     paths = path + _SHAPES.T @ shifts
-    taking = durations(paths[:, _ROUGHLY]) * (1 + _DEARER * np.maximum(deep, 0.0))
+    taking = speeds(paths[:, _ROUGHLY])[0].sum(axis=-1) * (1 + _DEARER * np.maximum(deep, 0.0))
     begun = _fastest_of_each(passed, taking)[:_PUSHED]
     pushed, clear = near.drawn(paths[begun], _DRAWN, path), begun[deep[begun] <= 0]
     paths = np.concatenate([paths[clear], pushed])
     paths = paths[_are_possible(near, paths)]
     if not len(paths):
         return []
-    taking, (passed, _) = durations(paths), _passed(near, paths[:, _INNER])
+    taking, (passed, _) = speeds(paths)[0].sum(axis=-1), _passed(near, paths[:, _INNER])
     found = _fastest_of_each(passed, taking)[:_MOST]
     return [paths[k] for k in found.tolist() if taking[k] <= _SLOWEST * taking.min()]
 

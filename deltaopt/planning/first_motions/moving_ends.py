@@ -78,19 +78,15 @@ def stopping(scene: Scene) -> Trajectory | None:
     start = scene.task.start
     if start.velocity == REST:
         return None
-    return _quintic(scene, lambda T: (start, EndState(_stopped(start, T))))
+    return shortest_of(scene, _quintics(lambda T: (start, EndState(_stopped(start, T)))))
 
 
 def from_state_to_state(scene: Scene, most: float = _NEARLY) -> Trajectory | None:
     """The shortest quintic that nearly keeps the limits at samples, to ``most`` of them, or the one
     that exceeds them least; None if none stays within reach."""
-    return shortest_to_goal(scene, _quintics_to_goal(scene), most)
-
-
-def _quintics_to_goal(scene: Scene) -> Family:
-    task = scene.task
-    assert isinstance(task, MovingEnds)
-    return _quintics(lambda T: _ends(task.start, task, T))
+    start, goal = scene.task.start, scene.task.goal
+    quintics = _quintics(lambda T: (start, goal.at(T, _stopped(start, T))))
+    return shortest_to_goal(scene, quintics, most)
 
 
 def shortest_to_goal(scene: Scene, family: Family, most: float = _NEARLY) -> Trajectory | None:
@@ -135,22 +131,17 @@ def intervals_after_waiting(motion: Trajectory, intervals: int) -> int:
 def _after_waiting(start: EndState, goal: MovingPoint, time: float) -> Family:
     """Quintics of some durations that meet a belt at a time, s, at rest at the start until then."""
 
+    def meeting(T: float) -> tuple[EndState, EndState]:
+        return start, goal.at(max(time - T, _LEAST_WAIT * T) + T, goal.position)
+
     def family(durations: Array) -> tuple[Array, Array]:
         waits = np.maximum(time - durations, _LEAST_WAIT * durations)
-        ends = [goal.at(T, goal.position) for T in (waits + durations).tolist()]
-        pairs = zip(ends, durations.tolist(), strict=True)
-        moving = np.array([_quintic_between(start, *pair) for pair in pairs])
+        moving = _coefficients(meeting, durations)
         still = np.zeros_like(moving)
         still[:, 0] = start.position
         return np.stack([still, moving], axis=1), np.column_stack([waits, durations])
 
     return family
-
-
-def _quintic_between(start: EndState, end: EndState, duration: float) -> Array:
-    """Coefficients of the quintic between two states, (6, 3)."""
-    (found,) = _coefficients(lambda _: (start, end), np.array([duration]))
-    return np.asarray(found)
 
 
 def from_rest(scene: Scene, place: Vector3) -> Scene:
@@ -209,29 +200,13 @@ def _with_run_up(scene: Scene, stop: Trajectory | None) -> Iterator[Trajectory]:
 
 def run_up_to(scene: Scene, goal: EndState) -> Trajectory | None:
     """A quintic from rest that passes a goal at its velocity; None if none stays within reach."""
-    return _quintic(scene, lambda T: (EndState(_begun(goal, T)), goal))
+    return shortest_of(scene, _quintics(lambda T: (EndState(_stopped(goal, -T)), goal)))
 
 
-def _ends(start: EndState, task: MovingEnds, duration: float) -> tuple[EndState, EndState]:
-    return start, task.goal.at(duration, _stopped(start, duration))
-
-
-def _stopped(start: EndState, duration: float) -> Vector3:
+def _stopped(state: EndState, duration: float) -> Vector3:
     """Where a state gets to that comes to rest in a duration (s), its acceleration symmetric in
-    time, m."""
-    return vector3(np.array(start.position) + np.array(start.velocity) * duration / 2)
-
-
-def _begun(goal: EndState, duration: float) -> Vector3:
-    """Where a motion begins at rest that passes the goal after a duration (s), its acceleration
-    symmetric in time, m."""
-    return vector3(np.array(goal.position) - np.array(goal.velocity) * duration / 2)
-
-
-def _quintic(scene: Scene, states: States) -> Trajectory | None:
-    """The shortest quintic between states that nearly keeps the limits at samples, or the one that
-    exceeds them least; None if none stays within reach."""
-    return shortest_of(scene, _quintics(states))
+    time, m; of a negative one where a motion begins at rest that passes the state after it."""
+    return vector3(np.array(state.position) + np.array(state.velocity) * duration / 2)
 
 
 def _quintics(states: States) -> Family:

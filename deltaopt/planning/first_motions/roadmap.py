@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from deltaopt.curves.piecewise import QUINTIC, PiecewisePolynomial
 from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.first_motions.bands import resampled
 from deltaopt.planning.first_motions.initial_motion import roughly_fastest
 from deltaopt.robot.model import model_of
 from deltaopt.scene.feasibility import room_at_rest
@@ -208,9 +209,7 @@ def _shifted(step: Index) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
 
 def _driven(scene: Scene, path: Array) -> Iterator[Trajectory]:
     """Motions along a path, rounded more and less, each as fast as the limits roughly allow."""
-    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
-    share = np.linspace(0, along[-1], _SAMPLES + 1)
-    dense = np.stack([np.interp(share, along, path[:, i]) for i in range(3)], axis=1)
+    dense = resampled(path, _SAMPLES)
     for width in _ROUNDINGS:
         rounded = _motion(scene, _rounded(dense, width))
         motion = if_possible(RULED_OUT, roughly_fastest, scene, rounded)

@@ -8,7 +8,7 @@ from deltaopt.curves.piecewise import Array
 
 
 def speeds(paths: Array) -> tuple[Array, Array]:
-    """The lengths of the pieces of paths (..., n, 3), m, (..., n - 1), and the largest speeds at
+    """How long the pieces of paths (..., n, 3), m, take, (..., n - 1), and the largest speeds at
     their places, (..., n), from rest to rest, at which the acceleration, forwards and sideways
     each, is at most 1."""
     steps = np.diff(paths, axis=-2)
@@ -23,10 +23,5 @@ def speeds(paths: Array) -> tuple[Array, Array]:
     left = np.flip(squares + gained, axis=-1)
     squares = np.flip(np.minimum.accumulate(left, axis=-1), axis=-1) - gained
     squares[..., [0, -1]] = 0.0
-    return lengths, np.sqrt(np.maximum(squares, 0.0))
-
-
-def durations(paths: Array) -> Array:
-    """How long paths (..., n, 3) take at these speeds, (...)."""
-    lengths, fastest = speeds(paths)
-    return np.asarray((2 * lengths / (fastest[..., 1:] + fastest[..., :-1])).sum(axis=-1))
+    fastest = np.sqrt(np.maximum(squares, 0.0))
+    return 2 * lengths / (fastest[..., 1:] + fastest[..., :-1]), fastest

@@ -70,7 +70,7 @@ def through_gates(scene: Scene) -> Iterator[Proposal]:
     if stop is not None:
         onwards = through_gates(_after(scene, stop))
         while (later := if_possible(RULED_OUT, next, onwards, None)) is not None:
-            yield Proposal(f"a stop, then {later.name}", _then(stop, later.motion))
+            yield Proposal(f"a stop, then {later.name}", stop.then(later.motion))
 
 
 def simple_motions(scene: Scene) -> Iterator[Proposal]:
@@ -178,12 +178,8 @@ def _stopping_at_each(scene: Scene, places: Array) -> Trajectory | None:
         leg = first_between(scene.model_copy(update={"start": start, "goal": now, **_ALONE}))
         if leg is None:
             return None
-        whole = leg if whole is None else _then(whole, leg)
+        whole = leg if whole is None else whole.then(leg)
     return whole
 
 
 _ALONE = {"via": None, "approach": None}
-
-
-def _then(one: Trajectory, other: Trajectory) -> Trajectory:
-    return Trajectory(one.position.then(other.position), one.model)

@@ -92,7 +92,7 @@ class PointEquations:
             moved = replace(motion, p=mechanism, given_torque=tau - load, given_torque_rate=rate)
         force = moved.force
         if has_rates:
-            force = ca.vertcat(force, T * moved.force_rate)
+            force = ca.vertcat(force, T * moved.equation_rates[0])
         rates = dict.fromkeys((Running.EFFORT, Running.WEIGHTED_EFFORT), effort_of(tau, p.motors))
         if order == 3:
             rates[Running.JERK] = ca.sumsqr(y[9:12] / y[-1] ** 3)

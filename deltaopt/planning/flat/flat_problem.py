@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,9 +74,6 @@ _IPOPT_INSTEAD = 100
 """Number of intervals of the finest mesh that Ipopt is given where the method does not converge. On
 finer ones another mesh or another first motion succeeds sooner; and where matrices are nearly
 singular a single factorization of Ipopt's may take minutes."""
-_FINEST = 4000
-"""Number of intervals of the finest mesh that is solved by the interior-point method; its time is
-proportional to the number."""
 
 
 def boundary(asked: Asked, scaling: Scaling, accuracy: float = 0.0) -> Boundary:
@@ -106,18 +104,17 @@ class FlatEquations:
     """The equations of the flat problem, compiled, from which problems on meshes are made.
 
     ``by_ipopt``: the same problem for Ipopt, which is tried where the method does not converge;
-    None where acceleration is continuous, which it has no equations for. ``derivatives``: unknowns
-    of each coordinate at a knot. ``together``: how many intervals are one of the method.
+    None where acceleration is continuous, which it has no equations for. ``together``: how many
+    intervals are one of the method.
     """
 
     method: CompiledMethod
     transcription: PiecewiseAcceleration
     cost: Cost
     by_ipopt: Formulated | None
-    derivatives: int = 2
     together: int = 1
 
-    def on(self, mesh: Array) -> FlatProblem:
+    def __call__(self, mesh: Array) -> FlatProblem:
         """The problem on a mesh of interval lengths, (N,), fractions of the duration."""
         return FlatProblem(self, mesh)
 
@@ -138,7 +135,7 @@ def compiled_flat(
     if method is None:
         return None
     together = 3 if problem.derivatives == 3 else 1
-    return FlatEquations(method, transcription, cost, by_ipopt, problem.derivatives, together)
+    return FlatEquations(method, transcription, cost, by_ipopt, together)
 
 
 _SHARED = np.array(
@@ -166,20 +163,14 @@ class FlatProblem:
 
     equations: FlatEquations
     mesh: Array
+    finest: ClassVar[int] = 4000
+    """Number of intervals of the finest mesh that is solved: time is proportional to it."""
 
     @property
     def points(self) -> Array:
         """Fractions of every interval where the limits are imposed."""
-        return (
-            self.equations.transcription.points
-            if self.equations.together == 1
-            else np.array([0.0, 1.0])
-        )
-
-    @property
-    def finest(self) -> int:
-        """Number of intervals of the finest mesh that is worth its solver's time."""
-        return _FINEST
+        own = self.equations
+        return own.transcription.points if own.together == 1 else np.array([0.0, 1.0])
 
     @property
     def takes_phases(self) -> bool:
@@ -234,7 +225,7 @@ class FlatProblem:
                 "No_Progress",
                 guess.trajectory,
             )
-        return by_ipopt.on(self.mesh).solve(guess, scaling, parameters)
+        return by_ipopt(self.mesh).solve(guess, scaling, parameters)
 
     def _phases(self, guess: Guess, scaling: Scaling, parameters: Array) -> list[Phase]:
         """A guess for the interior-point method, in a phase from each gate to the next.
@@ -279,7 +270,7 @@ class FlatProblem:
     ) -> Array:
         """Scaled states of a motion at the knots of a phase that begins and lasts so long, s."""
         times = begin + T * np.concatenate([[0.0], mesh.cumsum()])
-        return scaling.states(motion.position, times, T, self.equations.derivatives)
+        return scaling.states(motion.position, times, T, self.equations.method.problem.derivatives)
 
     def _known(self, duration: float, prices: Array) -> Array:
         """Multipliers of a guess for the method, from those of `Solved`: fractions of a running
@@ -304,11 +295,11 @@ class FlatProblem:
             begin, mesh, T = times[-1][-1], guess.mesh, phase.duration / own
             times.append(begin + T * mesh.cumsum())
             knots = phase.knots.reshape(len(phase.knots), -1, 3)
-            knots = knots / T ** np.arange(self.equations.derivatives)[:, None]
+            knots = knots / T ** np.arange(self.equations.method.problem.derivatives)[:, None]
             states.append(knots[1:] if states else knots)
         knots = np.concatenate(times)
         time = own * scaling.time
-        units = scaling.length / time ** np.arange(self.equations.derivatives)
+        units = scaling.length / time ** np.arange(self.equations.method.problem.derivatives)
         x, *rates = (units[:, None] * np.concatenate(states)).transpose(1, 0, 2)
         curve = (
             PiecewisePolynomial.in_thirds

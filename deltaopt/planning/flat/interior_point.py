@@ -16,7 +16,7 @@ import logging
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -133,7 +133,6 @@ class InteriorPointSolution:
     left: float
     status: str
     iterations: int
-    factorisations: int
     spent: Spent
 
     @property
@@ -230,13 +229,15 @@ class CompiledMethod:
         motion = np.concatenate(
             [*[phase.knots.ravel() for phase in phases], [phase.duration for phase in phases]]
         )
-        rows = sum(counts) * len(self.points.fractions) * len(self.problem.sides)
+        points = self.points
+        rule = np.array([*points.fractions, *points.thirds, *points.weights])
+        rows = sum(counts) * len(points.fractions) * len(self.problem.sides)
         has_sphere = np.array([boundary.radius > 0 for boundary in boundaries])
         multipliers = np.empty(rows + int(has_sphere.sum()))
         known = [_usable(phase) for phase in phases if phase.multipliers is not None]
         if known:
             multipliers[:rows] = np.concatenate(known)
-        arrays = flags, self._rule, numbers, motion, multipliers
+        arrays = flags, rule, numbers, motion, multipliers
         status, report = self.run(len(counts), arrays, settings, is_warm=bool(known))
         of_spheres = np.zeros(len(boundaries))
         of_spheres[has_sphere] = multipliers[rows:]
@@ -247,7 +248,6 @@ class CompiledMethod:
             report.dual,
             STATUS[status],
             report.iterations,
-            report.factorisations,
             Spent(report.evaluating, report.solving),
         )
 
@@ -284,12 +284,6 @@ class CompiledMethod:
         if trace is not None:
             _log(trace[: report.iterations + 1], n, STATUS[status])
         return status, report
-
-    @cached_property
-    def _rule(self) -> Array:
-        """The points of an interval as ``solve`` in ``interior_point.c`` takes them."""
-        points = self.points
-        return np.array([*points.fractions, *points.thirds, *points.weights])
 
     def _by_phase(
         self, counts: Sequence[int], motion: Array, multipliers: Array

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
+from functools import lru_cache
+from typing import ClassVar
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import Unusable
@@ -14,7 +16,7 @@ from deltaopt.mechanisms.functions import Functions
 from deltaopt.planning.flat.equations import point_equations
 from deltaopt.planning.flat.flat_problem import compiled_flat
 from deltaopt.planning.formulations.collocation import Equations
-from deltaopt.planning.formulations.delta import DeltaEquations, scaled_delta
+from deltaopt.planning.formulations.delta import DeltaProblem, scaled_delta
 from deltaopt.planning.formulations.equations import (
     explicit_equations,
     flat_equations,
@@ -34,18 +36,16 @@ class ProblemFormulation(ABC):
     """A way to write the planning problem as a nonlinear program.
 
     Its differential equations hold at the nodes of every interval. It is a hashable value, so that
-    equal formulations share their equations.
+    equal formulations share their equations. ``solvers``: kinds of solver that can be asked for,
+    the default first.
     """
+
+    solvers: ClassVar[tuple[type[Solver], ...]] = (Ipopt,)
 
     @property
     @abstractmethod
     def name(self) -> str:
         """The name that a plan reports: "explicit, constraints at knots"."""
-
-    @property
-    def solvers(self) -> tuple[type[Ipopt] | type[InteriorPoint], ...]:
-        """Kinds of solver that can be asked for, the default first: Ipopt alone."""
-        return (Ipopt,)
 
     def of(
         self,
@@ -65,8 +65,12 @@ class ProblemFormulation(ABC):
                 "limits and costs of jerk or torque rate are planned by deltaopt's own method "
                 "alone: in the flat formulation, with a C compiler"
             )
-        derive = partial(_equations, self, functions, constraints)
-        return DeltaEquations(derive, transcription, cost)
+
+        def on(mesh: Array) -> DeltaProblem:
+            equations = _equations(self, functions, constraints)
+            return DeltaProblem(equations.on(mesh, transcription, cost))
+
+        return on
 
     @abstractmethod
     def equations(self, system: ScaledMechanism) -> Equations:
@@ -78,11 +82,7 @@ class Flat(ProblemFormulation):
     """The formulation in the platform's coordinates alone, which is the default."""
 
     name: str = "flat"
-
-    @property
-    def solvers(self) -> tuple[type[Ipopt] | type[InteriorPoint], ...]:
-        """Kinds of solver that can be asked for, the default first."""
-        return InteriorPoint, Ipopt
+    solvers: ClassVar[tuple[type[Solver], ...]] = (InteriorPoint, Ipopt)
 
     def of(
         self,

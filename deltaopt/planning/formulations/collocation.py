@@ -25,7 +25,6 @@ from deltaopt.dynamics.mechanism import SX
 from deltaopt.planning.formulations.loop_closure import LoopClosure
 from deltaopt.planning.formulations.scaled_mechanism import (
     BoundaryValues,
-    MotionOfMechanism,
     ScaledMechanism,
     units_at,
 )
@@ -267,17 +266,22 @@ class CollocationProblem:
         Torques are clipped to their limits. Raises DependentConstraints if loop constraints
         follow from others.
         """
-        self.equations.system.require_independent_constraints(ends)
-        v = self.variables
-        motion = MotionOfMechanism(self.equations.system, position, ends.p)
-        units, T = motion.units, motion.duration
+        system, v = self.equations.system, self.variables
+        system.require_independent_constraints(ends)
+        units, T = units_at(system, ends.p), float(position.knots[-1])
+
+        def at(function: ca.Function, fractions: Array) -> tuple[Array, ...]:
+            xi = [position.at(fractions * T, order) for order in range(3)]
+            return system.rows(function, *xi, p=ends.p)
+
         which = list(self.equations.coordinates)
-        X, V, _ = (part[:, which] / units.q[which] for part in motion.at(v.knots))
-        A = motion.at(_inside(v, self.transcription.nodes))[2][:, which] / units.q[which]
+        X, V, _ = (part[:, which] / units.q[which] for part in at(system.motion, v.knots))
+        nodes = _inside(v, self.transcription.nodes)
+        A = at(system.motion, nodes)[2][:, which] / units.q[which]
         V, A = V * T, A * T**2
         if self.equations.closure is None:  # or it may leave the workspace shortly before a goal
             A = v.continuous(X, V, A)
-        tau, lam = motion.forces(_inside(v, v.points))
+        tau, lam = at(system.inverse_dynamics, _inside(v, v.points))
         w = np.clip(tau / units.torque, -1, 1)
         if self.equations.multipliers:
             w = np.hstack([w, lam * units.closure / units.energy])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -16,17 +17,15 @@ from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.limit import Instant
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import CoordinateInstant, PlatformInstant
-from deltaopt.planning.formulations.collocation import FAR, NEAR, CollocationProblem, Equations
+from deltaopt.planning.formulations.collocation import FAR, NEAR, CollocationProblem
 from deltaopt.planning.formulations.scaled_mechanism import (
     BoundaryValues,
     LimitRows,
     ScaledMechanism,
     Units,
 )
-from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.problem import IPOPT_FINEST, Guess, Solved
 from deltaopt.planning.nlp.scaling import Parameters, Scaling
-from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 
 Array = NDArray[np.float64]
 
@@ -104,26 +103,12 @@ def boundary_values(scaling: Scaling, parameters: Array) -> BoundaryValues:
 
 
 @dataclass(frozen=True)
-class DeltaEquations:
-    """A formulation's equations for the Delta, from which problems on meshes are made.
-
-    ``derive``: they are derived when the first problem is asked for.
-    """
-
-    derive: Callable[[], Equations]
-    transcription: PiecewiseAcceleration
-    cost: Cost
-
-    def on(self, mesh: Array) -> DeltaProblem:
-        """The problem on a mesh of interval lengths, (N,), fractions of the duration."""
-        return DeltaProblem(self.derive().on(mesh, self.transcription, self.cost))
-
-
-@dataclass(frozen=True)
 class DeltaProblem:
     """A collocation problem that is solved for scenes."""
 
     collocation: CollocationProblem
+    finest: ClassVar[int] = IPOPT_FINEST
+    takes_phases: ClassVar[bool] = False
 
     @property
     def mesh(self) -> Array:
@@ -132,14 +117,6 @@ class DeltaProblem:
     @property
     def points(self) -> Array:
         return self.collocation.transcription.points
-
-    @property
-    def finest(self) -> int:
-        return IPOPT_FINEST
-
-    @property
-    def takes_phases(self) -> bool:
-        return False
 
     def solve(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
         """Find the best motion on this mesh by Ipopt.

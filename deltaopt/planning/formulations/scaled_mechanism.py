@@ -13,7 +13,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.dynamics.constraint_matrix import ClosedForm
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX, Mechanism
@@ -198,34 +197,3 @@ def units_at(system: ScaledMechanism, p: Array) -> UnitValues:
         np.asarray(r.full()).ravel() for r in system.magnitudes.call([ca.DM(p)])
     )
     return UnitValues(q, closure, float(time[0]), float(energy[0]), torque)
-
-
-@dataclass(frozen=True)
-class MotionOfMechanism:
-    """A motion of ξ (m, rad over s) of a mechanism whose parameters have values ``p``, with the
-    coordinates and forces that follow from it."""
-
-    system: ScaledMechanism
-    position: PiecewisePolynomial
-    p: Array
-
-    @property
-    def duration(self) -> float:
-        """s."""
-        return float(self.position.knots[-1])
-
-    @property
-    def units(self) -> UnitValues:
-        """The units of the mechanism."""
-        return units_at(self.system, self.p)
-
-    def at(self, fractions: Array) -> tuple[Array, ...]:
-        """q, q̇, q̈, (N, n) each, at fractions of the duration."""
-        return self.system.rows(self.system.motion, *self._xi(fractions), p=self.p)
-
-    def forces(self, fractions: Array) -> tuple[Array, ...]:
-        """τ, (N, m), and λ, (N, γ), at fractions of the duration."""
-        return self.system.rows(self.system.inverse_dynamics, *self._xi(fractions), p=self.p)
-
-    def _xi(self, fractions: Array) -> list[Array]:
-        return [self.position.at(fractions * self.duration, order) for order in range(3)]

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, TIGHTENED
+from deltaopt.planning.nlp.phases import with_neighbours
 from deltaopt.planning.nlp.scaling import UNTIGHTENED, Scaling
 from deltaopt.problem.problem import Problem
 
@@ -101,7 +102,7 @@ class Overshoot:
 
         ``scaling``: the one that the motion on this mesh was found with.
         """
-        density = _with_neighbours(self.each / self.mesh[:, None])  # where the jump may come to lie
+        density = with_neighbours(self.each / self.mesh[:, None])  # where the jump may come to lie
         inside = np.searchsorted(np.cumsum(self.mesh)[:-1], np.cumsum(mesh) - mesh / 2)
         over = _OVERSHOOT_FACTOR * density[inside] * mesh[:, None]
         used = 1 - scaling.shares(len(self.mesh))[inside]
@@ -152,7 +153,7 @@ class Bulge:
         """Shares of the bounds for a next ``mesh``, (M, rows)."""
         inside = np.searchsorted(np.cumsum(self.mesh)[:-1], np.cumsum(mesh) - mesh / 2)
         part = (mesh / self.mesh[inside])[:, None]
-        over, left = (_with_neighbours(each)[inside] for each in (self.over, self.left))
+        over, left = (with_neighbours(each)[inside] for each in (self.over, self.left))
         tightening = _OVERSHOOT_FACTOR * (over * part**2 + left)
         return np.maximum(1 - tightening, _SMALLEST_SHARE_OF_PLACES)
 
@@ -207,9 +208,3 @@ def first_tightening(scaling: Scaling, guess: Trajectory, mesh: Array) -> Scalin
 def samples_at(points: Array) -> NDArray[np.intp]:
     """Which of ``FRACTIONS`` are the points where bounds are imposed."""
     return np.asarray(np.abs(FRACTIONS[:, None] - points).argmin(axis=0))
-
-
-def _with_neighbours(each: Array) -> Array:
-    """The largest of an interval and of those beside it, (N, rows)."""
-    beside = np.pad(each, ((1, 1), (0, 0)))
-    return np.maximum(each, np.maximum(beside[:-2], beside[2:]))

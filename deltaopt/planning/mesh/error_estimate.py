@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.planning.nlp.phases import joined
+from deltaopt.planning.nlp.phases import joined, with_neighbours
 
 Array = NDArray[np.float64]
 Truths = NDArray[np.bool]
@@ -126,12 +126,6 @@ def _unused_states(multipliers: Array, loads: Array) -> Array:
     return np.asarray((upper + lower).sum(axis=1))
 
 
-def _of_neighbours(each: Array) -> Array:
-    """The largest of an interval and of the two beside it, (N,)."""
-    beside = np.pad(each, 1)
-    return np.asarray(np.maximum(each, np.maximum(beside[:-2], beside[2:])))
-
-
 def split(mesh: Array, pieces: int | NDArray[np.intp]) -> Array:
     """A mesh, (N,), with each interval split evenly into so many pieces, one number or (N,)."""
     return np.repeat(mesh / pieces, pieces)
@@ -149,7 +143,7 @@ def refined(mesh: Array, lost: ErrorEstimate, target: float, most: int = 6) -> A
     share = lost.unused / (target / len(mesh)) + exceeded / target
     wanted = np.ceil(np.sqrt(share))
     if lost.at_bodies is not None:
-        wanted = np.maximum(wanted, np.ceil(_FOR_BODIES * _of_neighbours(lost.at_bodies) / target))
+        wanted = np.maximum(wanted, np.ceil(_FOR_BODIES * with_neighbours(lost.at_bodies) / target))
     pieces = np.clip(wanted, 1, np.clip(mesh / _SHORTEST, 1, most)).astype(int)
     return split(mesh, pieces)
 

@@ -16,6 +16,7 @@ from deltaopt.errors import NotConverged
 from deltaopt.motion.time_scaling import highest_rows
 from deltaopt.planning.mesh.error_estimate import split
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, solve_on_mesh
+from deltaopt.planning.nlp.phases import with_neighbours
 from deltaopt.planning.nlp.problem import Formulated, Guess
 
 Array = NDArray[np.float64]
@@ -56,15 +57,15 @@ def kept(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshS
     dear = max(1.0, solution.price_of_limits / _DEAR)
     last, accuracy = solution, max(_SOLVER_SHARE * tolerance / dear, _FINEST)
     for attempt in range(1, _MOST + 1):
-        excess = _sampled_excess(last)
+        sizes = last.scaling.constraints.size(last.rows).max(axis=1)
+        excess = np.maximum(sizes - 1, 0.0)
         if excess.max() <= KEPT:
             peaks = highest_rows(last.problem, last.trajectory)
             if peaks.values.max() <= 1 + KEPT:
                 return last.as_it_is(peaks.values)
             rows = np.arange(excess.shape[1])
             excess[peaks.intervals, rows] = np.maximum(peaks.values - 1, 0.0)
-        beside = np.pad(excess, ((1, 1), (0, 0)))  # the peak may come to lie in the next interval
-        around = np.maximum(excess, np.maximum(beside[:-2], beside[2:]))
+        around = with_neighbours(excess)  # the peak may come to lie in the next interval
         step = np.where(around > 0, _FACTOR * around + accuracy, 0.0)
         share = last.scaling.shares(len(last.mesh)) - step
         pieces = np.ones(len(last.mesh), np.intp)
@@ -81,7 +82,7 @@ def kept(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshS
             multipliers=last.solution.multipliers if len(mesh) == len(last.mesh) else None,
         )
         scaling = replace(last.scaling, share=share)
-        last = solve_on_mesh(program.on(mesh), scaling, guess)
+        last = solve_on_mesh(program(mesh), scaling, guess)
     raise NotConverged(
         "limits that are exceeded between the points of the mesh, where slowing is no remedy, are "
         f"still exceeded by {excess.max():.1e} after they were tightened {_MOST} times",
@@ -116,10 +117,3 @@ def _slowed(solution: MeshSolution) -> MeshSolution:
         return replace(exact, needed=replace(needed, misplaced=inf))
     slowed = exact.trajectory.slowed((1 + KEPT) * exact.safe_factor)
     return replace(exact, trajectory=slowed, needed=needed)
-
-
-def _sampled_excess(solution: MeshSolution) -> Array:
-    """By how much rows exceed their bounds in every interval at samples, (N, rows); 0 where they do
-    not."""
-    sizes = solution.scaling.constraints.size(solution.rows).max(axis=1)
-    return np.asarray(np.maximum(sizes - 1, 0.0))

@@ -107,7 +107,7 @@ def motion_on_first_mesh(
     intervals *= scaling.problem.together
     mesh, model = np.full(intervals, 1 / intervals), guess.trajectory.model
     tightened = first_tightening(scaling, guess.trajectory, mesh)
-    found = program.on(mesh).solve(guess, tightened, model.parameters)
+    found = program(mesh).solve(guess, tightened, model.parameters)
     return Trajectory(found.position, model, found.coordinates)
 
 

@@ -29,6 +29,12 @@ def joined(each: Array, together: int) -> Array:
     return np.asarray(each.reshape(-1, together).sum(axis=1))
 
 
+def with_neighbours(each: Array) -> Array:
+    """The largest of what every interval and the two beside it have, at least 0, (N, ...)."""
+    beside = np.pad(each, ((1, 1), *((0, 0),) * (each.ndim - 1)))
+    return np.asarray(np.maximum(each, np.maximum(beside[:-2], beside[2:])))
+
+
 def parts(mesh: Array, passed: Array) -> list[slice]:
     """The intervals of each phase, of a mesh (N,) and of when its via points are passed, (n,), both
     as fractions of the duration: the knots that are nearest to these."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -136,9 +137,6 @@ class Program(Protocol):
         ...
 
 
-class Formulated(Protocol):
-    """A formulation's equations for a mechanism and its limits, differentiated once."""
-
-    def on(self, mesh: Array) -> Program:
-        """The program on a mesh of interval lengths, (N,), fractions of the duration."""
-        ...
+Formulated = Callable[[Array], Program]
+"""A formulation's equations for a mechanism and its limits, differentiated once: the program on a
+mesh of interval lengths, (N,), fractions of the duration."""

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.nlp.phases import with_neighbours
 from deltaopt.problem.problem import Problem
 
 Array = NDArray[np.float64]
@@ -80,8 +81,7 @@ class Softening:
         changed = np.abs(np.diff(speeds, axis=0, prepend=speeds[:1])).cumsum(axis=0)
         at = np.append(0.0, mesh.cumsum())
         inside = [np.diff(np.interp(at, shares, each)) / mesh for each in changed.T]
-        beside = np.pad(np.array(inside).T, ((1, 1), (0, 0)))
-        rates = np.maximum(beside[1:-1], np.maximum(beside[:-2], beside[2:]))
+        rates = with_neighbours(np.array(inside).T)
         rates = np.maximum(rates, _QUIET * changed[-1].max())
         return np.asarray(np.maximum(_RESOLVED * mesh[:, None] * rates, self.least))
 

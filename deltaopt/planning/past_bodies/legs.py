@@ -9,6 +9,7 @@ plan where none leads to another: `Loop.at_worst`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import reduce
 from itertools import pairwise
 
 from deltaopt.files.validated_record import Vector3
@@ -37,7 +38,8 @@ def proposed_in_legs(scene: Scene, planned: Planned, slower: float) -> Iterator[
             leg.trajectory.slowed(slower if problem_of(leg.scene).is_at_rest else 1.0)
             for leg in legs
         ]
-        yield Proposal("motions past the bodies from rest to rest", _joined(parts), len(parts))
+        joined = reduce(Trajectory.then, parts)
+        yield Proposal("motions past the bodies from rest to rest", joined, len(parts))
 
 
 def _in_legs(scene: Scene, planned: Planned) -> Iterator[list[Plan]]:
@@ -63,10 +65,3 @@ def _in_legs(scene: Scene, planned: Planned) -> Iterator[list[Plan]]:
             legs.append(leg)
         else:
             yield legs
-
-
-def _joined(parts: list[Trajectory]) -> Trajectory:
-    position = parts[0].position
-    for part in parts[1:]:
-        position = position.then(part.position)
-    return Trajectory(position, parts[0].model)

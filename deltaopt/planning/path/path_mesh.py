@@ -105,10 +105,7 @@ class MeshMotion:
 
     def at(self, fractions: Array) -> tuple[Array, Array]:
         """b and u at these fractions of every cell, (N, n) each."""
-        first, change = self.speeds.u[:, :1], np.diff(self.speeds.u, axis=1)
-        z, h = fractions, self.mesh.h[:, None]
-        b = self.speeds.b[:-1, None] + h * z * (2 * first + change * z)
-        return np.maximum(b, 0.0), first + change * z
+        return self._states(np.arange(len(self.mesh.h)), fractions)
 
     def states_at_ends(self, mesh: PathMesh) -> tuple[Array, Array]:
         """b and u at both ends of the cells of another mesh of the path, (2 N,) each."""
@@ -116,10 +113,15 @@ class MeshMotion:
         cell = np.searchsorted(own, (nodes[1:] + nodes[:-1]) / 2) - 1
         ends = np.stack([nodes[:-1], nodes[1:]], axis=1)
         z = np.clip((ends - own[cell][:, None]) / self.mesh.h[cell][:, None], 0.0, 1.0)
+        b, u = self._states(cell, z)
+        return b.ravel(), u.ravel()
+
+    def _states(self, cell: Index, z: Array) -> tuple[Array, Array]:
+        """b and u in some cells, (M,), at fractions of each, (M, n) or (n,): (M, n) each."""
         first, last = (each[:, None] for each in self.speeds.u[cell].T)
         h, b = self.mesh.h[cell][:, None], self.speeds.b[cell][:, None]
         found = b + h * z * (2 * first + (last - first) * z)
-        return np.maximum(found, 0.0).ravel(), (first + (last - first) * z).ravel()
+        return np.maximum(found, 0.0), first + (last - first) * z
 
     @cached_property
     def duration(self) -> float:

@@ -11,7 +11,6 @@ import numpy as np
 from deltaopt.errors import Infeasible, NotConverged
 from deltaopt.motion.time_scaling import highest_rows, safe_factor
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.path.path_mesh import MeshMotion
 from deltaopt.planning.path.path_multipliers import PathMultipliers
 from deltaopt.planning.path.path_rows import PathRows
 from deltaopt.planning.path.path_timing import PathTiming, TimedPath
@@ -91,7 +90,7 @@ def _slowed(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, TimedP
     best: tuple[Trajectory, float, TimedPath] | None = None
     for share in _SHARES:
         found = timing.fastest(share)
-        trajectory = _trajectory(scene, found.motion)
+        trajectory = Trajectory(found.motion.position, model_of(scene.robot, scene.payload))
         factor = safe_factor(problem_of(scene), trajectory) * _ROUNDING
         if isinf(factor):
             _require_positions(scene, trajectory)
@@ -114,7 +113,7 @@ def _held(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, TimedPat
     margin = 0.0
     for _ in range(_MOST_MARGINS):
         found = timing.fastest(_SHARES[0], margin)
-        trajectory = _trajectory(scene, found.motion)
+        trajectory = Trajectory(found.motion.position, model_of(scene.robot, scene.payload))
         factor = safe_factor(problem_of(scene), trajectory)
         if factor <= 1 + _KEPT:
             return trajectory, found.loss, found
@@ -122,18 +121,10 @@ def _held(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, TimedPat
     raise NotConverged("limits are exceeded between points of every mesh", "margin", trajectory)
 
 
-def _trajectory(scene: Scene, motion: MeshMotion) -> Trajectory:
-    return Trajectory(motion.position, model_of(scene.robot, scene.payload))
-
-
 def _require_positions(scene: Scene, trajectory: Trajectory) -> None:
     """Raise Infeasible where a path is beyond a limit of position, which no timing cures."""
     constraints = limits_of(scene).up_to(2).constraints
-    promised = np.repeat(
-        [limit.promised for limit in constraints.limits],
-        [rows.stop - rows.start for rows in constraints.slices],
-    )
-    positions = np.flatnonzero((constraints.orders == 0) & promised)
+    positions = np.flatnonzero(constraints.of_place)
     if not len(positions):
         return
     highest = highest_rows(problem_of(scene), trajectory).values[positions]

@@ -259,30 +259,20 @@ def _joined(*parts: AffineRows) -> AffineRows:
 def kept_rows(constraints: Constraints) -> Index:
     """Indices of the rows of limits that a verified motion keeps, but for limits of position: on a
     given path these are kept or not at any speed."""
-    rows = [
-        row
-        for limit, rows in zip(constraints.limits, constraints.slices, strict=True)
-        for row in range(rows.start, rows.stop)
-        if limit.promised and limit.order > 0
-    ]
-    return np.array(rows, np.intp)
+    return np.flatnonzero(constraints.promised & (constraints.orders > 0))
 
 
 @lru_cache(maxsize=32)
 def _curved(functions: Functions, constraints: Constraints) -> Index:
     """Which of the kept rows are not affine in u."""
-    function = _rows_on_path(functions, constraints)
-    inputs = function.sx_in()
-    rows = function.call(inputs)[0]
+    inputs, rows = _rows_on_path(functions, constraints)
     return np.flatnonzero(ca.which_depends(rows, inputs[3][1], 2, True))
 
 
 @lru_cache(maxsize=32)
 def _function(functions: Functions, constraints: Constraints) -> RowFunction:
     """(p, p′, p″, (ṡ, u), numbers of the limits and p) -> rows, ∂rows/∂ṡ, ∂rows/∂u."""
-    function = _rows_on_path(functions, constraints)
-    inputs = function.sx_in()
-    rows = function.call(inputs)[0]
+    inputs, rows = _rows_on_path(functions, constraints)
     slopes = ca.jacobian(rows, inputs[3])
     results = [ca.densify(each) for each in (rows, slopes[:, 0], slopes[:, 1])]
     return RowFunction(ca.Function("tangents_on_path", inputs, results, {"cse": True}))
@@ -292,7 +282,7 @@ def _function(functions: Functions, constraints: Constraints) -> RowFunction:
 def _expansion(functions: Functions, constraints: Constraints) -> RowFunction:
     """(p, p′, p″, numbers of the limits and p) -> of the curved rows, at rest: their values, slopes
     by (b, u) and second derivatives, 1, 2 and 4 numbers each."""
-    x, dx, ddx, _, parameters = _rows_on_path(functions, constraints).sx_in()
+    (x, dx, ddx, _, parameters), _ = _rows_on_path(functions, constraints)
     b, u = ca.SX.sym("b"), ca.SX.sym("u")
     z = ca.vertcat(b, u)
     all_rows = _rows(functions, constraints, (x, dx, ddx), (ca.sqrt(b), b, u), parameters)
@@ -307,14 +297,14 @@ def _expansion(functions: Functions, constraints: Constraints) -> RowFunction:
 
 
 @lru_cache(maxsize=32)
-def _rows_on_path(functions: Functions, constraints: Constraints) -> ca.Function:
-    """(p, p′, p″, (ṡ, u), numbers of the limits and p) -> the rows that a motion must keep."""
+def _rows_on_path(functions: Functions, constraints: Constraints) -> tuple[list[ca.SX], ca.SX]:
+    """p, p′, p″, (ṡ, u), numbers of the limits and p; and the rows that a motion must keep."""
     x, dx, ddx = (ca.SX.sym(name, 3) for name in ("x", "dx", "ddx"))
     state = ca.SX.sym("state", 2)
     parameters = ca.SX.sym("parameters", constraints.parameters + functions.symbols().numel())
     motion = state[0], state[0] ** 2, state[1]
     rows = _rows(functions, constraints, (x, dx, ddx), motion, parameters)
-    return ca.Function("rows_on_path", [x, dx, ddx, state, parameters], [rows])
+    return [x, dx, ddx, state, parameters], rows
 
 
 def _rows(

@@ -8,7 +8,7 @@ a value at every node the KKT system would be singular.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -35,15 +35,49 @@ def parts_of(lengths: Array) -> Integers:
 
 
 @dataclass(frozen=True)
+class Polynomials(PiecewiseAcceleration):
+    """The acceleration on an interval, and weights of its values at the nodes."""
+
+    between: tuple[float, ...] = ()
+
+    @cached_property
+    def at_nodes(self) -> tuple[Array, Array, Array]:
+        """Weights in the position, velocity and acceleration at the nodes, (nodes, nodes) each."""
+        return self._of_values(self.nodes)
+
+    @cached_property
+    def at_dense(self) -> tuple[Array, Array, Array]:
+        """Weights in the same at ``DENSE``, (dense, nodes) each."""
+        return self._of_values(DENSE)
+
+    def _of_values(self, c: Array) -> tuple[Array, Array, Array]:
+        position, velocity, acceleration = self.weights(c, 1.0)
+        return position[:, 2:], velocity[:, 2:], acceleration[:, 2:]
+
+    @cached_property
+    def slope_at_dense(self) -> Array:
+        """Derivatives at ``DENSE`` of polynomials given by values at the nodes, (dense, nodes)."""
+        at_nodes, powers = legvander(2 * self.nodes - 1, self.degree), np.eye(self.degree + 1)
+        slopes = legvander(2 * DENSE - 1, self.degree - 1) @ (2 * legder(powers))
+        return np.asarray(slopes @ np.linalg.inv(at_nodes))
+
+
+@lru_cache(maxsize=8)
+def polynomials(degree: int) -> Polynomials:
+    """The polynomials of a degree; all meshes share them."""
+    return Polynomials(degree)
+
+
+@dataclass(frozen=True)
 class ArcMesh:
     """Arcs cut into intervals with polynomials on them.
 
-    ``parts``: number of intervals of each arc, (arcs,). ``degree``: of the acceleration in an
+    ``parts``: number of intervals of each arc, (arcs,). ``polynomials``: the accelerations in an
     interval. ``modes``: number of Legendre coefficients of a singular control on each arc, (arcs,).
     """
 
     parts: Integers
-    degree: int
+    polynomials: Polynomials
     modes: Integers
 
     @classmethod
@@ -52,15 +86,7 @@ class ArcMesh:
         about ``more_modes`` more than at first on an arc of half of the duration."""
         lengths = np.clip(structure.lengths, 0.0, 1.0)
         modes = 1 + (more_modes + 10) * lengths.clip(0.0, 0.3) / 0.5 + 4 * lengths
-        return cls(parts_of(lengths), degree, np.ceil(modes).astype(np.intp))
-
-    def with_more_modes(self, number: int) -> ArcMesh:
-        """The mesh with so many more Legendre coefficients on every arc."""
-        return replace(self, modes=self.modes + number)
-
-    def with_parts(self, parts: Integers) -> ArcMesh:
-        """The mesh with other numbers of intervals, (arcs,)."""
-        return replace(self, parts=parts)
+        return cls(parts_of(lengths), polynomials(degree), np.ceil(modes).astype(np.intp))
 
     @cached_property
     def arc(self) -> Integers:
@@ -100,66 +126,5 @@ class ArcMesh:
     def legendre(self) -> Array:
         """Legendre polynomials over the arc at the nodes, (n, nodes, most modes)."""
         number = np.arange(self.intervals) - self.first[self.arc]
-        share = (number[:, None] + self.nodes) / self.parts[self.arc][:, None]
+        share = (number[:, None] + self.polynomials.nodes) / self.parts[self.arc][:, None]
         return np.asarray(legvander(2 * share - 1, self.most_modes - 1))
-
-    @property
-    def nodes(self) -> Array:
-        """Lobatto's nodes as fractions of an interval, from 0 to 1, (nodes,)."""
-        return self.transcription.nodes
-
-    @property
-    def quadrature(self) -> Array:
-        """Weights of the nodes in an integral over an interval of length 1, (nodes,)."""
-        return self.transcription.quadrature
-
-    @property
-    def transcription(self) -> PiecewiseAcceleration:
-        """The polynomial on an interval."""
-        return _polynomials(self.degree).transcription
-
-    @property
-    def at_nodes(self) -> tuple[Array, Array, Array]:
-        """Weights of the accelerations at the nodes in the position, velocity and acceleration at
-        the nodes, (nodes, nodes) each."""
-        return _polynomials(self.degree).at_nodes
-
-    @property
-    def at_dense(self) -> tuple[Array, Array, Array]:
-        """Weights of the accelerations at the nodes in the position, velocity and acceleration at
-        ``DENSE``, (dense, nodes) each."""
-        return _polynomials(self.degree).at_dense
-
-    @property
-    def slope_at_dense(self) -> Array:
-        """Derivatives at ``DENSE`` of polynomials given by values at the nodes, (dense, nodes)."""
-        return _polynomials(self.degree).slope_at_dense
-
-
-@dataclass(frozen=True)
-class _Polynomials:
-    """Weights of the values at the nodes, of polynomials of one degree."""
-
-    transcription: PiecewiseAcceleration
-    at_nodes: tuple[Array, Array, Array]
-    at_dense: tuple[Array, Array, Array]
-    slope_at_dense: Array
-
-
-@lru_cache(maxsize=8)
-def _polynomials(degree: int) -> _Polynomials:
-    transcription = PiecewiseAcceleration(degree, between=())
-
-    def of_acceleration(c: Array) -> tuple[Array, Array, Array]:
-        position, velocity, acceleration = transcription.weights(c, 1.0)
-        return position[:, 2:], velocity[:, 2:], acceleration[:, 2:]
-
-    nodes = transcription.nodes
-    at_nodes = legvander(2 * nodes - 1, degree)
-    slopes = legvander(2 * DENSE - 1, degree - 1) @ (2 * legder(np.eye(degree + 1)))
-    return _Polynomials(
-        transcription,
-        of_acceleration(nodes),
-        of_acceleration(DENSE),
-        np.asarray(slopes @ np.linalg.inv(at_nodes)),
-    )

@@ -167,29 +167,16 @@ class OptimalityConditions:
 
     rows: ConstraintRows
     structure: SwitchingStructure
-    active: ActiveRows
     mesh: ArcMesh
     goal: Array
     p: Array
     end_values: tuple[EndValue, ...] = ()
     barrier: Barrier | None = None
 
-    @classmethod
-    def of(
-        cls,
-        rows: ConstraintRows,
-        structure: SwitchingStructure,
-        mesh: ArcMesh,
-        scaling: Scaling,
-        parameters: Array,
-        end_values: tuple[EndValue, ...] = (),
-        barrier: Barrier | None = None,
-    ) -> OptimalityConditions:
-        """The conditions for a scene and the parameters of its mechanism."""
-        p = scaling.parameters(parameters)
-        goal = scaling.at_goal
-        active = ActiveRows.of(rows, structure)
-        return cls(rows, structure, active, mesh, goal, p, end_values, barrier)
+    @cached_property
+    def active(self) -> ActiveRows:
+        """The rows that are active on each arc."""
+        return ActiveRows.of(self.rows, self.structure)
 
     @cached_property
     def index(self) -> KKTIndex:
@@ -217,7 +204,9 @@ class OptimalityConditions:
         controls that follow from active state limits, then velocities that are not active, but for
         the start, the goal and nodes next to an arc where they are."""
         mesh, m = self.mesh, self.rows.motors
-        within = np.zeros((mesh.intervals, len(mesh.nodes), m + len(self.bounded)), bool)
+        within = np.zeros(
+            (mesh.intervals, len(mesh.polynomials.nodes), m + len(self.bounded)), bool
+        )
         if self.barrier is None:
             return within
         within[..., :m] = self.active.is_singular()[mesh.arc][:, None]
@@ -232,17 +221,17 @@ class OptimalityConditions:
 
     def between(self, point: PrimalDualPoint) -> Array:
         """y = (X, V, A) at ``DENSE`` fractions of the intervals, (n, dense, 3 m)."""
-        return point.at(self.mesh, DENSE, self.mesh.at_dense)
+        return point.at(self.mesh, DENSE, self.mesh.polynomials.at_dense)
 
     def multipliers(self, point: PrimalDualPoint) -> Array:
         """Multipliers of the active rows at the nodes, duration per value and time, (n, nodes, m):
         the shadow prices, by how much raising a limit for a short time shortens the motion."""
-        weight = point.interval_lengths(self.mesh)[:, None] * self.mesh.quadrature
+        weight = point.interval_lengths(self.mesh)[:, None] * self.mesh.polynomials.quadrature
         return np.asarray(point.multipliers / weight[..., None])
 
     def multipliers_between(self, point: PrimalDualPoint) -> Array:
         """``multipliers`` at ``DENSE``, (n, dense, m)."""
-        return np.asarray(self.mesh.at_dense[2] @ self.multipliers(point))
+        return np.asarray(self.mesh.polynomials.at_dense[2] @ self.multipliers(point))
 
     def polynomial(self, point: PrimalDualPoint, scaling: Scaling) -> PiecewisePolynomial:
         """The motion in m and s, without arcs of no or negative length."""
@@ -250,5 +239,5 @@ class OptimalityConditions:
         kept = h > _LEAST_LENGTH
         h, A = h[kept], point.A[kept]
         X, V = point.knots[:-1][kept, :m], point.knots[:-1][kept, m:]
-        coefficients = self.mesh.transcription.coefficients(X, V, A, h)
+        coefficients = self.mesh.polynomials.coefficients(X, V, A, h)
         return scaling.polynomial(h, coefficients, scaling.time)

@@ -46,7 +46,7 @@ class KKTSystem:
         """``barrier``: slack times multiplier, per time."""
         self.of, self.at = of, at
         mesh = of.mesh
-        shape = (mesh.intervals, len(mesh.nodes), of.rows.motors)
+        shape = (mesh.intervals, len(mesh.polynomials.nodes), of.rows.motors)
         active = np.broadcast_to(of.active.row[mesh.arc][:, None], shape)
         y = at.at_nodes(mesh)
         self._rows = self._rows_at(y, active)
@@ -77,7 +77,7 @@ class KKTSystem:
         off = np.where(within, np.where(within, bounded, 0.0) - at.slack, 0.0)
         above, below = (np.maximum(1 + s * at.slack, 1e-300) for s in (-1, 1))
         h = np.abs(at.interval_lengths(of.mesh))[:, None, None]
-        mu = barrier * h * of.mesh.quadrature[:, None] * within
+        mu = barrier * h * of.mesh.polynomials.quadrature[:, None] * within
         stiffness, force = at.upper / above + at.lower / below, at.upper - at.lower
         aim = stiffness * off + mu / above - mu / below - force
         return BarrierTerms(off, mu, stiffness, force, aim)
@@ -103,12 +103,14 @@ class KKTSystem:
         aim = np.einsum("nkr,nkra->nka", barrier.aim[..., m:], self._bounded_slopes)
         y_slopes = self._y_slopes.reshape(n, by_y[0].size, -1)
         pull = barrier.force[..., :m] - at.multipliers
+        own = (by_y.reshape(n, 1, -1) @ y_slopes)[:, 0]
+        singular = np.einsum("nkr,nkl->nrl", pull, legendre)
         return Dual(
             by_y=by_y,
-            own=(by_y.reshape(n, 1, -1) @ y_slopes)[:, 0],
-            own_aim=(aim.reshape(n, 1, -1) @ y_slopes)[:, 0],
-            singular=np.einsum("nkr,nkl->nrl", pull, legendre),
-            singular_aim=np.einsum("nkr,nkl->nrl", barrier.aim[..., :m], legendre),
+            own=own,
+            own_aim=own + (aim.reshape(n, 1, -1) @ y_slopes)[:, 0],
+            singular=singular,
+            singular_aim=singular + np.einsum("nkr,nkl->nrl", barrier.aim[..., :m], legendre),
         )
 
     @property
@@ -175,27 +177,27 @@ class KKTSystem:
     def _node_slopes(self) -> Array:
         """Derivatives of y at the nodes by (X_i, V_i, h, A), (n, nodes, 3 m, 2 m + 1 + m nodes)."""
         mesh, at, m = self.of.mesh, self.at, self.of.rows.motors
-        n, k, own = mesh.intervals, len(mesh.nodes), self.of.index.own
-        position, velocity, _ = mesh.at_nodes
+        n, k, own = mesh.intervals, len(mesh.polynomials.nodes), self.of.index.own
+        position, velocity, _ = mesh.polynomials.at_nodes
         h = at.interval_lengths(mesh)
         slopes = np.zeros((n, k, 3 * m, own + m * k))
         by_A = np.zeros((n, k, 3 * m, k, m))
         for j in range(m):
             slopes[:, :, j, j] = slopes[:, :, m + j, m + j] = 1.0
-            slopes[:, :, j, m + j] = h[:, None] * mesh.nodes
+            slopes[:, :, j, m + j] = h[:, None] * mesh.polynomials.nodes
             by_A[:, :, j, :, j] = h[:, None, None] ** 2 * position
             by_A[:, :, m + j, :, j] = h[:, None, None] * velocity
             by_A[:, :, 2 * m + j, :, j] = np.eye(k)
         slopes[..., own:] = by_A.reshape(n, k, 3 * m, -1)
         V, at_h = at.knots[:-1, None, m:], own - 1
-        by_h = mesh.nodes[:, None] * V + 2 * h[:, None, None] * (position @ at.A)
+        by_h = mesh.polynomials.nodes[:, None] * V + 2 * h[:, None, None] * (position @ at.A)
         slopes[:, :, :m, at_h], slopes[:, :, m : 2 * m, at_h] = by_h, velocity @ at.A
         return slopes
 
     def _curvature(self) -> Array:
         """Second derivatives of the Lagrangian by (X_i, V_i, h, A), (n, own + m nodes, same)."""
         mesh, at, m, own = self.of.mesh, self.at, self.of.rows.motors, self.of.index.own
-        n, k = mesh.intervals, len(mesh.nodes)
+        n, k = mesh.intervals, len(mesh.polynomials.nodes)
         H = self._rows.H
         if self.of.within[..., m:].any():
             slopes = self._bounded_slopes
@@ -203,9 +205,11 @@ class KKTSystem:
             H = H + slopes.transpose(0, 1, 3, 2) @ stiff
         flat = self._y_slopes.reshape(n, 3 * m * k, -1)
         total = flat.transpose(0, 2, 1) @ (H @ self._y_slopes).reshape(n, 3 * m * k, -1)
-        position, velocity, _ = mesh.at_nodes  # y is bilinear too: products of h with V and A
+        position, velocity, _ = (
+            mesh.polynomials.at_nodes
+        )  # y is bilinear too: products of h with V and A
         by_y, h, at_h = self._dual.by_y, at.interval_lengths(mesh), own - 1
-        by_V = np.einsum("nka,k->na", by_y[..., :m], mesh.nodes)
+        by_V = np.einsum("nka,k->na", by_y[..., :m], mesh.polynomials.nodes)
         pulled = position.T @ by_y[..., :m]
         by_A = 2 * h[:, None, None] * pulled + velocity.T @ by_y[..., m : 2 * m]
         total[:, m:at_h, at_h] += by_V
@@ -226,7 +230,7 @@ class KKTSystem:
         by_A = np.zeros((n, unknowns, index.width))  # derivatives by A, of the border
         by_A[:, :, :own] = Q[:, own:, :own]
         by_A[:, :, own:right] = self._y_slopes[:, -1, : own - 1, own:].transpose(0, 2, 1)
-        by_A[:, :, right] = self._dual_gradient()[:, own:]
+        by_A[:, :, right] = self._dual.own_aim[:, own:]
         active = np.zeros((n, unknowns, index.width))  # the active rows, of the border
         active[:, :, :own] = slopes[:, :, :own]
         active[:, :, right] = self._removed * self._primal.values.reshape(n, -1)
@@ -242,10 +246,10 @@ class KKTSystem:
     def _control_columns(self) -> Array:
         """Derivatives of the active rows by coefficients of singular controls, (n, m nodes, ·)."""
         mesh, m = self.of.mesh, self.of.rows.motors
-        columns = np.zeros((mesh.intervals, len(mesh.nodes), m, m, mesh.most_modes))
+        columns = np.zeros((mesh.intervals, len(mesh.polynomials.nodes), m, m, mesh.most_modes))
         for j in range(m):
             columns[:, :, j, j] = -mesh.legendre
-        return columns.reshape(mesh.intervals, len(mesh.nodes) * m, -1)
+        return columns.reshape(mesh.intervals, len(mesh.polynomials.nodes) * m, -1)
 
     def _border(self, Q: Array) -> Array:
         """Second derivatives by the border alone, and its right-hand side, (n, width, width)."""
@@ -255,20 +259,12 @@ class KKTSystem:
         M[:, :own, :own] = Q[:, :own, :own]
         M[:, own:right, :own] = end[:, :, :own]
         M[:, :own, own:right] = end[:, :, :own].transpose(0, 2, 1)
-        M[:, :own, right] = self._dual_gradient()[:, :own]
+        M[:, :own, right] = self._dual.own_aim[:, :own]
         M[:, own:right, right] = self._removed * self._primal.continuity
         if index.coefficients:
-            M[:, right + 1 :, right] = self._coefficient_gradient().reshape(len(Q), -1)
+            M[:, right + 1 :, right] = self._dual.singular_aim.reshape(len(Q), -1)
             self._add_stiffness(M)
         return M
-
-    def _dual_gradient(self) -> Array:
-        """The gradient by (X_i, V_i, h, A) that a step is to remove."""
-        return np.asarray(self._dual.own + self._dual.own_aim)
-
-    def _coefficient_gradient(self) -> Array:
-        """The gradient by coefficients of singular controls that a step is to remove."""
-        return np.asarray(self._dual.singular + self._dual.singular_aim)
 
     def _add_stiffness(self, M: Array) -> None:
         """Second derivatives that the barrier adds by coefficients of singular controls."""
@@ -286,29 +282,25 @@ class KKTSystem:
         larger ``redundant`` is.
         """
         try:
-            matrix, right = self._assembled(self._damping(shift), redundant)
+            matrix, right = self._assembled(shift, redundant)
         except np.linalg.LinAlgError:  # of an interval
             return None
         x = solve(matrix, -right)
         return None if x is None else self._expanded(x)
 
-    def _damping(self, shift: float) -> float:
-        """What is added to the curvature by lengths and coefficients of singular controls."""
-        return shift
-
-    def _assembled(self, damping: float, redundant: float) -> tuple[Array, Array]:
+    def _assembled(self, shift: float, redundant: float) -> tuple[Array, Array]:
         """The condensed system: matrix and right-hand side, in the order of the KKT index."""
         of, at, index = self.of, self.at, self.of.index
         S, right = index.summed(self._condensed[1])
-        here, there = index.inner_states, index.inner_costates
+        here, there = index.inner_states, index.costates[:-1]
         S[here, there] -= 1.0  # an interval's end is the next one's beginning
         S[there, here] -= 1.0
         right[here] -= at.costates[:-1]
         right[index.lengths] += 1.0
-        S[index.lengths, index.lengths] += damping
+        S[index.lengths, index.lengths] += shift
         for places, slope in zip(index.singular, self._outside_intervals(), strict=True):
             regularisation = _REGULARISATION / (2 * np.arange(len(places)) + 1)
-            S[places, places] += regularisation + damping
+            S[places, places] += regularisation + shift
             right[places] += slope
         for j, (entry, slope) in enumerate(
             zip(of.active.entries, self._primal.entry_slopes, strict=True)
@@ -331,7 +323,7 @@ class KKTSystem:
         n, states = of.mesh.intervals, index.states
         knots, singular = np.zeros((n + 1, states)), np.zeros_like(at.singular)
         knots[1:-1] = x[index.inner_states]
-        costates = x[index.costates].reshape(n, states)
+        costates = x[index.costates]
         for (a, k), places in zip(of.active.singular, index.singular, strict=True):
             singular[a, k, : len(places)] = x[places]
         h = of.mesh.interval_lengths(x[index.lengths])

@@ -53,7 +53,7 @@ class Primal:
 class Dual:
     """Derivatives of the Lagrangian: ``by_y`` at the nodes, (n, nodes, 3 m); ``own``, by (X_i, V_i,
     h, A), (n, 2 m + 1 + m nodes); ``singular``, by coefficients of singular controls, (n, m, most
-    modes). The aims are what a full step adds to them for the barrier."""
+    modes). The aims are these with what a full step adds for the barrier: what it is to remove."""
 
     by_y: Array
     own: Array

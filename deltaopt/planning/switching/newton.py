@@ -192,7 +192,7 @@ def _initial_point(
     lengths = np.clip(conditions.structure.lengths, 0.0, 1.0) * trajectory.duration
     h = mesh.interval_lengths(lengths)
     begin = np.concatenate([[0.0], np.cumsum(h)])
-    inside = begin[:-1, None] + h[:, None] * np.clip(mesh.nodes, 1e-6, 1 - 1e-6)
+    inside = begin[:-1, None] + h[:, None] * np.clip(mesh.polynomials.nodes, 1e-6, 1 - 1e-6)
     D, T, n, m = scaling.length, scaling.time, mesh.intervals, conditions.rows.motors
     acceleration = trajectory.position.derivative().derivative()
     A = acceleration.at(inside.ravel()).reshape(n, -1, m) * T**2 / D
@@ -239,7 +239,7 @@ def _with_slacks(
     values = np.concatenate([singular, bounded], axis=2)
     slack = np.where(within, np.clip(values, -0.99, 0.99), 0.0)
     h = np.abs(point.interval_lengths(mesh))[:, None, None]
-    weight = h * mesh.quadrature[:, None] * within
+    weight = h * mesh.polynomials.quadrature[:, None] * within
     upper, lower = (barrier * weight / (1 + s * slack) for s in (-1, 1))
     return replace(point, slack=slack, upper=upper, lower=lower)
 
@@ -249,7 +249,7 @@ def _with_multipliers(conditions: OptimalityConditions, point: PrimalDualPoint) 
     each other, as by symmetry, other multipliers would do as well."""
     names = ("costates", "multipliers", "entry", "end_values")
     without = replace(point, **{name: np.zeros_like(getattr(point, name)) for name in names})
-    step = _MultiplierSystem(conditions, without).step()
+    step = _MultiplierSystem(conditions, without).step(shift=1.0)
     if step is None:
         return point
     return replace(without, **{name: getattr(step, name) for name in names})
@@ -257,22 +257,11 @@ def _with_multipliers(conditions: OptimalityConditions, point: PrimalDualPoint) 
 
 class _MultiplierSystem(KKTSystem):
     """The equations of a least-squares estimate of the multipliers at a motion: the identity takes
-    the place of the curvature, and violations of primal conditions are left as they are."""
+    the place of the curvature, and violations of primal conditions are left as they are. Without
+    multipliers at bounds the barrier plays no part."""
 
     _removed = 0.0
 
     def _curvature(self) -> Array:
         size = self._y_slopes.shape[3]
         return np.broadcast_to(np.eye(size), (self.of.mesh.intervals, size, size))
-
-    def _dual_gradient(self) -> Array:
-        return self._dual.own
-
-    def _coefficient_gradient(self) -> Array:
-        return self._dual.singular
-
-    def _add_stiffness(self, M: Array) -> None:
-        """The barrier plays no part."""
-
-    def _damping(self, shift: float) -> float:
-        return 1.0

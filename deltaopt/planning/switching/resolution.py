@@ -75,7 +75,7 @@ class ResolvedMotion:
     def name(self) -> str:
         """A description of the transcription."""
         mesh = self.conditions.mesh
-        return f"{mesh.arcs} arcs, acceleration of degree {mesh.degree}"
+        return f"{mesh.arcs} arcs, acceleration of degree {mesh.polynomials.degree}"
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class _Candidate:
 
     def with_more_modes(self) -> _Candidate:
         """This candidate with more Legendre coefficients of singular controls."""
-        mesh = self.mesh.with_more_modes(_MORE_MODES)
+        mesh = replace(self.mesh, modes=self.mesh.modes + _MORE_MODES)
         return replace(self, mesh=mesh, more_modes=self.more_modes + _MORE_MODES)
 
     def with_lengths_of(self, found: StationaryPoint) -> _Candidate:
@@ -169,12 +169,12 @@ class _Task:
 
     def outcome(self, candidate: _Candidate, guess: Trajectory) -> _Outcome:
         """Solves for a candidate and examines what is found. Raises NewtonFailed."""
-        conditions = OptimalityConditions.of(
+        conditions = OptimalityConditions(
             self.rows,
             candidate.structure,
             candidate.mesh,
-            self.scaling,
-            self.model.parameters,
+            self.scaling.at_goal,
+            self.scaling.parameters(self.model.parameters),
             candidate.end_values,
             self.barrier,
         )
@@ -249,7 +249,7 @@ def _finer(
     finest, strays, mesh = residuals.finest, residuals.strays, candidate.mesh
     if strays.max() > finest and mesh.intervals < _MOST_INTERVALS:
         finer = np.ceil((strays / finest).clip(1) ** (1 / (_DEGREE + 1)))
-        return [replace(candidate, mesh=mesh.with_parts(mesh.parts * finer.astype(np.intp)))]
+        return [replace(candidate, mesh=replace(mesh, parts=mesh.parts * finer.astype(np.intp)))]
     multiplier, wrong = residuals.singular_multiplier, residuals.sign_violation
     coarse = multiplier > _SINGULAR_MULTIPLIER or residuals.to_be_gained > tolerance
     coarse = coarse or CERTIFIED < wrong < 10 * multiplier

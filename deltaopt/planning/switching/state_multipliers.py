@@ -96,4 +96,4 @@ def state_multipliers(
 def _slopes_between(conditions: OptimalityConditions, point: PrimalDualPoint) -> Array:
     """Derivatives by time of the multipliers λ of the active rows, (n, dense, m)."""
     mesh, h = conditions.mesh, point.interval_lengths(conditions.mesh)[:, None, None]
-    return np.asarray(mesh.slope_at_dense @ conditions.multipliers(point) / h)
+    return np.asarray(mesh.polynomials.slope_at_dense @ conditions.multipliers(point) / h)

@@ -67,7 +67,7 @@ class PrimalDualPoint:
 
     def at_nodes(self, mesh: ArcMesh) -> Array:
         """y = (X, V, A) at the nodes, (n, nodes, 3 m)."""
-        return self.at(mesh, mesh.nodes, mesh.at_nodes)
+        return self.at(mesh, mesh.polynomials.nodes, mesh.polynomials.at_nodes)
 
     def at(self, mesh: ArcMesh, c: Array, weights: tuple[Array, Array, Array]) -> Array:
         """y at fractions c of the intervals, (n, c, 3 m), by the weights of A there."""
@@ -96,46 +96,30 @@ class KKTIndex:
         end_values: int,
     ) -> None:
         """``singular``: (arc, motor) of singular controls; ``entries``, ``end_values``: how many
-        entry conditions and given end values there are."""
+        entry conditions and given end values there are.
+
+        ``inner_states``: places of (X, V) at the inner knots, (n - 1, 2 m); ``costates``: of p at
+        the ends of the intervals, (n, 2 m).
+        """
         self._mesh, self._singular, n = mesh, singular, mesh.intervals
         self.states = 2 * motors
         self.own, self.right = self.states + 1, 2 * self.states + 1
         modes = [int(mesh.modes[a]) for a, _ in singular]
         sizes = [self.states * (n - 1), mesh.arcs, sum(modes), self.states * n, entries]
         ends = np.cumsum([*sizes, end_values]).tolist()
-        _, self.lengths, coefficients, costates, self.entries, self.end_values = (
+        inner, self.lengths, coefficients, costates, self.entries, self.end_values = (
             np.arange(begin, end) for begin, end in zip([0, *ends[:-1]], ends, strict=True)
         )
         self.singular = np.split(coefficients, np.cumsum(modes)[:-1]) if modes else []
-        self._first_costate, self.size = int(costates[0]), ends[-1]
+        self.size, self.inner_states = ends[-1], inner.reshape(-1, self.states)
+        self.costates = costates.reshape(-1, self.states)
         self.coefficients = motors * mesh.most_modes if singular else 0
         self.width = self.right + 1 + self.coefficients
         self.duals = np.concatenate([costates, self.entries, self.end_values])
 
-    @cached_property
-    def inner_states(self) -> Integers:
-        """Places of (X, V) at the inner knots, (n - 1, 2 m)."""
-        n = self._mesh.intervals
-        return np.arange(self.states * (n - 1)).reshape(-1, self.states)
-
-    @cached_property
-    def inner_costates(self) -> Integers:
-        """Places of p at the inner knots, (n - 1, 2 m)."""
-        return self._first_costate + self.inner_states
-
-    @property
-    def costates(self) -> Integers:
-        """Places of p at the ends of all intervals, (n · 2 m,)."""
-        return self._first_costate + np.arange(self.states * self._mesh.intervals)
-
     def state(self, knot: int) -> Integers:
         """Places of (X, V) at a knot, (2 m,); the bin for the first, which is given."""
         begin = self.states * (knot - 1) if knot else self.size
-        return np.arange(begin, begin + self.states)
-
-    def costate(self, interval: int) -> Integers:
-        """Places of p at the end of an interval, (2 m,)."""
-        begin = self._first_costate + self.states * interval
         return np.arange(begin, begin + self.states)
 
     def summed(self, by_interval: Array) -> tuple[Array, Array]:
@@ -166,7 +150,7 @@ class KKTIndex:
         """Unknowns outside of an interval: their places in what it adds, in the system, and
         factors: its length h is a part of that of its arc."""
         a = int(self._mesh.arc[interval])
-        here = [self.state(interval), self.lengths[[a]], self.costate(interval)]
+        here = [self.state(interval), self.lengths[[a]], self.costates[interval]]
         for_interval = [np.arange(self.right)]
         for (arc, motor), places in zip(self._singular, self.singular, strict=True):
             if arc == a:

@@ -99,7 +99,7 @@ def test_the_flat_formulation_is_that_of_the_planner():
     """The flat equations of collocation and the production ones on the same mesh."""
     scene = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
     model, mesh = delta_model(scene.robot, scene.payload), np.full(10, 0.1)
-    problem = planners_equations(scene).on(mesh)
+    problem = planners_equations(scene)(mesh)
     planners = problem.solve(first_guess(scene, 1e-8), scaling_of(scene), model.parameters)
     c = case("pick_and_place")
     problem = equations("pick_and_place", "flat").on(mesh, PiecewiseAcceleration())

@@ -56,7 +56,7 @@ def limited(scene: Scene, share: float) -> Scene:
 def test_a_share_of_the_limits_is_that_of_weaker_motors():
     """The same program, scaled otherwise; the multipliers are those of the whole limits."""
     mesh, model, scaling = np.full(12, 1 / 12), delta_model(CROSS.robot, 1.0), scaling_of(CROSS)
-    problem, guess = flat_equations(CROSS).on(mesh), first_guess(CROSS, 1e-9)
+    problem, guess = flat_equations(CROSS)(mesh), first_guess(CROSS, 1e-9)
     dynamic = scaling.constraints.orders > 0
     shared = replace(scaling, share=np.where(dynamic, 0.8, 1.0)[None].repeat(12, axis=0))
     weaker = Scaling(problem_of(limited(CROSS, 0.8)), scaling.time)
@@ -77,8 +77,8 @@ def test_shares_by_interval_and_motor_are_those_of_ipopt():
     share[:, scaling.constraints.is_control] = rng.uniform(0.7, 1.0, (12, 3))
     scaling = replace(scaling, share=share)
     equations = flat_equations(scene)
-    ours = equations.on(mesh).solve(guess, scaling, model.parameters)
-    exact = replace(equations.by_ipopt.on(mesh).collocation, regularisation=0.0)
+    ours = equations(mesh).solve(guess, scaling, model.parameters)
+    exact = replace(equations.by_ipopt(mesh).collocation, regularisation=0.0)
     ipopts = DeltaProblem(exact).solve(guess, scaling, model.parameters)
     assert ours.status == "Solve_Succeeded"
     assert ours.position.knots[-1] == pytest.approx(ipopts.position.knots[-1], rel=1e-6)
@@ -95,7 +95,7 @@ ROWS = limits_of(CROSS).constraints.number
 def test_tightening_cures_what_slowing_pays_for():
     """On one mesh: the excess falls tenfold, and the duration hardly rises."""
     scaling, mesh = scaling_of(CROSS), np.full(400, 1 / 400)
-    problem = flat_equations(CROSS).on(mesh)
+    problem = flat_equations(CROSS)(mesh)
     plain = solve_on_mesh(problem, scaling, first_guess(CROSS, 1e-7))
     tighter = plain
     for _ in range(3):

@@ -85,7 +85,7 @@ def flat(model: DeltaModel, degree: int):
     """The flat problem for Ipopt, whose torques are variables, on the mesh."""
     transcription, constraints = PiecewiseAcceleration(degree), limits_of(SCENE).constraints
     of = Flat().of(model.functions, transcription, constraints, solver=Ipopt())
-    return of.on(MESH).collocation
+    return of(MESH).collocation
 
 
 @pytest.mark.parametrize("degree", [1, 3])

@@ -40,7 +40,7 @@ def solved_on(
     if compiled is None:
         pytest.skip("without a compiler")
     first = Guess(guess, near=False, tolerance=1e-10)
-    return compiled.on(mesh).solve(first, scaling, np.zeros(0))
+    return compiled(mesh).solve(first, scaling, np.zeros(0))
 
 
 class UnitMass:

@@ -125,7 +125,9 @@ def test_newton_and_ipopt_find_the_same_switches():
     scaling = Scaling(problem_of(scene), 0.15)
     equations = point_equations(model.functions, scaling.constraints)
     rows, mesh = ConstraintRows(equations), ArcMesh.of(arcs, 8)
-    conditions = OptimalityConditions.of(rows, arcs, mesh, scaling, model.parameters)
+    conditions = OptimalityConditions(
+        rows, arcs, mesh, scaling.at_goal, scaling.parameters(model.parameters)
+    )
     found = solve_conditions(conditions, guess, scaling).point
     problem = ArcProblem(equations, arcs, 8)
     p = scaling.parameters(model.parameters)
@@ -135,7 +137,10 @@ def test_newton_and_ipopt_find_the_same_switches():
     np.testing.assert_allclose(KKTSystem(conditions, found).hamiltonian, -1, atol=1e-9)
     multipliers = conditions.multipliers(found)
     assert ((multipliers * arcs.control[problem.arc][:, None]) > -1e-7).all()
-    weight = problem.interval_lengths(other.z)[:, None, None] * conditions.mesh.quadrature[:, None]
+    weight = (
+        problem.interval_lengths(other.z)[:, None, None]
+        * conditions.mesh.polynomials.quadrature[:, None]
+    )
     ipopts = np.abs(problem.control_multipliers(other)) / weight
     np.testing.assert_allclose(np.abs(multipliers), ipopts, atol=1e-4)
 
@@ -147,7 +152,9 @@ def test_exact_answers(line: Line, barrier: Barrier | None):
     motion, _ = line.on_mesh(UNEVEN, line.guess)
     arcs = detect_structure(UNEVEN, line.rows(motion))
     rows, mesh = ConstraintRows(line.equations), ArcMesh.of(arcs, 5)
-    conditions = OptimalityConditions.of(rows, arcs, mesh, line.scaling, np.zeros(0), (), barrier)
+    conditions = OptimalityConditions(
+        rows, arcs, mesh, line.scaling.at_goal, line.scaling.parameters(np.zeros(0)), (), barrier
+    )
     found = solve_conditions(conditions, motion, line.scaling).point
     assert found.duration * line.scaling.time == pytest.approx(line.duration, rel=2e-8)
     ends = np.cumsum(found.lengths)[:-1] * line.scaling.time
@@ -173,7 +180,9 @@ def test_one_motor_with_one_coordinate():
     arcs = SwitchingStructure(np.array([0.3, 0.4, 0.3]), (up, at_speed, down))
     way = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])[:, None] * line.d
     position = PiecewisePolynomial(np.array([0.0, 1.0]), way[None]).slowed(1.6 * line.duration)
-    conditions = OptimalityConditions.of(rows, arcs, ArcMesh.of(arcs, 5), scaling, np.zeros(0))
+    conditions = OptimalityConditions(
+        rows, arcs, ArcMesh.of(arcs, 5), scaling.at_goal, scaling.parameters(np.zeros(0))
+    )
     found = solve_conditions(conditions, Trajectory(position, UnitMass()), scaling).point
     assert found.duration * scaling.time == pytest.approx(line.duration, rel=1e-9)
     np.testing.assert_allclose(KKTSystem(conditions, found).hamiltonian, -1, atol=1e-9)
