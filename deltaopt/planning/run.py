@@ -29,7 +29,6 @@ from deltaopt.planning.attempts import (
     Outcomes,
     Search,
     from_motion,
-    on_its_mesh,
 )
 from deltaopt.planning.belt_places import PlacesOnBelt, TooLate
 from deltaopt.planning.first_motions.around_bodies import (
@@ -62,9 +61,6 @@ from deltaopt.scene.task import MovingEnds, MovingPoint, OnPath, given_points
 _PATHS = 2
 """How many paths of straight lines are planned along where no mesh finds its way: over few places,
 and over more of them. Each takes a second or two."""
-_IMPROVED, _SHORTER = 4, 1e-4
-"""How many plans at most then begin with the motion found, each with that of the one before; and by
-what share each must be shorter, or else tell a smaller gap."""
 _NEARBY, _NEARLY = 2, 1e-2
 """How many times finer the first mesh from a motion near the best is, and the gap up to which what
 it leads to is taken."""
@@ -303,7 +299,7 @@ class Run(Loop):
             first = first_motion(at_rest(scene, ends))
             way = Attempt(scene, first, self.optimiser.intervals)
             plan, ways = fastest_way(way, motion, self.only_from, self.on_first_mesh, self.good_gap)
-            plan = plan if plan.gap <= self.good_gap else self._improved(scene, plan)
+            plan = plan if plan.gap <= self.good_gap else self.improved(scene, plan)
             found.append(replace(plan, scene=scene, ways=ways))
         except ENDS_AN_ATTEMPT as error:
             failure = error
@@ -361,28 +357,11 @@ class Run(Loop):
             replace(each, scene=scene, gap=inf, certificate=None, multipliers=None)
             for each in sorted(found, key=_cost)
         ]
-        improved = (self._improved(scene, each) for each in found)
+        improved = (self.improved(scene, each) for each in found)
         known = next((each for each in improved if isfinite(each.gap)), found[0])
         best = min(found[0], known, key=_cost)
         way = TakenWay(name_of_way(scene, best.trajectory), best.duration, True)
         return [replace(best, ways=(way,))]
-
-    def _improved(self, scene: Scene, found: Plan) -> Plan:
-        """A plan that begins with the motion of another, on the mesh of that, as often as this
-        makes it better; the other one where that is not possible. A mesh whose knots are where
-        bodies are passed closely does not lead through them."""
-        for _ in range(_IMPROVED):
-            better = self.made(on_its_mesh(scene, found.trajectory))
-            if not isinstance(better, Plan) or not is_clear(scene, better.trajectory):
-                break
-            shorter = better.duration < (1 - _SHORTER) * found.duration
-            longer = better.duration > (1 + _SHORTER) * found.duration
-            if not shorter and (longer or better.gap >= found.gap):
-                break
-            found = better
-            if found.gap <= self.good_gap:
-                break
-        return found
 
 
 def _cost(plan: Plan) -> float:

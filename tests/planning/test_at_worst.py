@@ -44,6 +44,23 @@ def test_a_first_motion_that_is_right_is_the_plan(name, broken):
     assert not found.within_tolerance
 
 
+@pytest.mark.parametrize("name", [*SCENES[:8], "keep_out/wall_25_305_25"])
+def test_it_is_improved_where_the_method_succeeds_from_it(name, monkeypatch):
+    """Of attempts those alone fail that do not begin on the mesh of a motion."""
+    scene, planned = load_scene(PROBLEMS / f"{name}.yaml"), TrajectoryOptimiser.plan
+    best = plan(scene)
+
+    def fails(optimiser, attempt, report):
+        if attempt.on_its_mesh:
+            return planned(optimiser, attempt, report)
+        raise NotConverged("a solver that fails from elsewhere", "Broken", None)
+
+    monkeypatch.setattr(TrajectoryOptimiser, "plan", fails)
+    found = plan(scene)
+    assert verify(scene, found.trajectory).ok
+    assert best.duration / (1 + best.gap) <= found.duration < 1.01 * best.duration
+
+
 def test_the_gap_that_is_told_is_not_too_small(monkeypatch, request):
     scene = load_scene(PROBLEMS / "via" / "three_points.yaml")
     best = plan(scene)
