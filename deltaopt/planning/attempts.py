@@ -196,22 +196,14 @@ class Outcomes:
     def best(self) -> Plan:
         """The plan of least cost, with all distinct optima where several attempts were made.
 
-        Raises NotConverged if there is none.
+        Raises the first failure if there is none, NotConverged if nothing was attempted.
         """
         if self.plans:
             found = min(self.plans, key=lambda plan: plan.cost)
             return found if self.tried == 1 else replace(found, optima=self._optima())
-        first = self.failures[0] if self.failures else None
-        if self.tried == 1 and first is not None:
-            raise first
-        status, iterate = getattr(first, "status", "No_Start"), getattr(first, "iterate", None)
-        raise NotConverged(
-            f"none of {self.tried} attempts led to a plan, from a straight line of the platform, "
-            "one in the motor angles, curves, and paths over a grid, as far as these are possible; "
-            f"of the first: {first}",
-            status,
-            iterate,
-        )
+        if self.failures:
+            raise self.failures[0]
+        raise NotConverged("no mesh keeps any first motion in the workspace", "No_Start", None)
 
     def best_known(self) -> Plan:
         """The best plan. Where it misses its tolerance, another that is hardly longer may know

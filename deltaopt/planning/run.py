@@ -36,7 +36,6 @@ from deltaopt.planning.first_motions.around_bodies import (
     is_clear,
     name_of_way,
 )
-from deltaopt.planning.first_motions.bands import Bodies
 from deltaopt.planning.first_motions.moving_ends import first_moving_motions
 from deltaopt.planning.first_motions.multistart import other_motions
 from deltaopt.planning.first_motions.order_of_merit import first_motion
@@ -240,6 +239,7 @@ class Run(Loop):
         if isinstance(found, Plan) and (slow or found.gap <= self.good_gap):
             return found
 
+        tried = len(self.attempts)
         places = PlacesOnBelt.of(
             scene, lambda each: self._past_or_through(each, simple_motions(each))
         )
@@ -248,7 +248,7 @@ class Run(Loop):
         self.journal.note("once more, by way of places that the belt passes:")
         waiting = places.plan()
         if waiting is None:
-            return found if isinstance(found, Plan) else places.told(found)
+            return found if isinstance(found, Plan) else places.told(tried, found)
         first = Proposal("waiting, then to a place on the belt", waiting.trajectory)
         other = self.until_good(scene, iter([first]))
         plans = [each for each in (found, other, waiting) if isinstance(each, Plan)]
@@ -284,13 +284,7 @@ class Run(Loop):
         except ENDS_AN_ATTEMPT as error:
             self.journal.note(str(error))
         if scene.tube is not None:  # no way around a body but in it
-            try:
-                return self.by_merit(scene)
-            except NotConverged as error:
-                bodies, path = Bodies.along(scene, first_motion(scene))
-                told = f"no motion past the bodies was found within {1e3 * scene.tube:g} mm of the "
-                told += f"path, on which {bodies.too_near(path)}"
-                raise (Infeasible(told) if bodies.too_near(path) else error) from error
+            return self.by_merit(scene)
 
         found, failure = list[Plan](), None
         try:

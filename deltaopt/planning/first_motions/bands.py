@@ -275,15 +275,6 @@ class Bodies:
         push = np.take_along_axis(slope, nearest[..., None], axis=-3)[..., 0, :, :]
         return np.where(least <= _NEAR * self.way, _side(push), 0)
 
-    def too_near(self, band: Array) -> str:
-        """Where a band comes nearest to a body for what it is to keep, in words; empty if it is
-        clear of all."""
-        room = (self.distances(band)[0] - self.kept)[:, self._used].min(axis=0)
-        row = int(room.argmin())
-        link, index = self._named[row]
-        missed = f"comes {-1e3 * room[row]:.3g} mm too near to keep_out[{index}]"
-        return f"{link or 'the tool'} {missed}" if room[row] < 0 else ""
-
     @property
     def _named(self) -> list[tuple[str, int]]:
         """Of each row that is of a body: the link that keeps clear of it, empty for the tool, and
