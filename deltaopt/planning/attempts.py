@@ -189,7 +189,7 @@ class Outcomes:
     def is_doubtful(self) -> bool:
         """Whether the best plan may be a poor local minimum."""
         if not isinstance(self.scene.objective, Time) or self.scene.tube is not None:
-            return False  # in a tube there is one first motion
+            return False  # in a tube there is hardly another
         best = self.best()
         return best.iterations > _LABORIOUS or is_slow(self.scene, best.duration, _LONG)
 

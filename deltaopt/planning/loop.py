@@ -31,7 +31,7 @@ from deltaopt.planning.first_motions.around_bodies import is_clear
 from deltaopt.planning.first_motions.bands import sampled
 from deltaopt.planning.first_motions.belt import not_found
 from deltaopt.planning.first_motions.initial_motion import has_time_to_wait
-from deltaopt.planning.first_motions.order_of_merit import crosses_singularity
+from deltaopt.planning.first_motions.order_of_merit import crosses_singularity, timed_axis
 from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.planning.first_motions.slow_motions import slow_motions
 from deltaopt.planning.journal import Journal
@@ -41,7 +41,7 @@ from deltaopt.planning.remedies import REMEDIES, better
 from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser, safe
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
-from deltaopt.scene.feasibility import require_state, room_at_rest
+from deltaopt.scene.feasibility import require_links_clear, require_state, room_at_rest
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import EndState
@@ -171,6 +171,8 @@ class Loop:
             kept = [if_possible(NO_PLAN, _kept, scene, motion) for motion in names]
             best = min((one for one in kept if one), key=lambda one: one.duration, default=None)
             if best is None or not isinstance(scene.objective, Time):
+                if scene.tube is not None:
+                    timed_axis(scene)  # raises what rules it out, if that is known
                 if not isinstance(error, NotConverged):
                     raise
                 ruled_out = sorted({_in_the_way(scene, *named) for named in names.items()})
@@ -224,6 +226,8 @@ def _in_the_way(scene: Scene, motion: Trajectory, name: str) -> tuple[float, str
     room = room_at_rest(free, places)
     least, worst = float(room.min()), EndState(vector3(places[room.argmin()].round(_DIGITS)))
     try:
+        if free.planned_links:
+            require_links_clear(free, name, worst.position)
         require_state(free, name, worst, is_given=False)
     except RULED_OUT as error:
         return least, str(error)

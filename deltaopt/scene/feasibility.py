@@ -75,14 +75,19 @@ def _require_links_clear(scene: Scene) -> None:
     ends = zip(("start", "goal"), scene.given_points, strict=False)  # a goal that moves is none
     exact = ((f"via {n}", v.position) for n, v in enumerate(scene.task.via, 1) if not v.within)
     for name, point in (*ends, *exact):
-        rooms = rooms_at(scene, np.array([point]))[0]
-        for link, body in np.argwhere(rooms < -_ROUNDING).tolist():
-            assert scene.keep_out is not None
-            too_near = f"{-1e3 * rooms[link, body]:.4g} mm too near to"
-            raise Infeasible(
-                f"{name}: at {in_words(point)} m {name_of(link)} is {too_near} "
-                f"keep_out[{body}], a {scene.keep_out[body].kind}"
-            )
+        require_links_clear(scene, name, point)
+
+
+def require_links_clear(scene: Scene, name: str, point: Vector3) -> None:
+    """Raise Infeasible if an arm or a forearm is too near to a body with the platform at a point,
+    m. ``name``: of the point in sentences."""
+    rooms = rooms_at(scene, np.array([point]))[0]
+    for link, body in np.argwhere(rooms < -_ROUNDING).tolist():
+        assert scene.keep_out is not None
+        raise Infeasible(
+            f"{name}: at {in_words(point)} m {name_of(link)} is {-1e3 * rooms[link, body]:.4g} mm "
+            f"too near to keep_out[{body}], a {scene.keep_out[body].kind}"
+        )
 
 
 def _require_sphere(scene: Scene, number: int, sphere: ViaPoint) -> None:
