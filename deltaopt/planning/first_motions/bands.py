@@ -256,8 +256,9 @@ class Bodies:
         for each body the side at the middle of the places where the band is near it."""
         distance, slope = self.distances(band[1:-1])
         near = distance <= self.kept + _NEAR * self.way
-        found = []
-        for row, (link, index) in zip(self._used, self._named, strict=True):
+        found, tools = [], [("", index) for index, _ in self.scene.obstacles]
+        links = [(name_of(link), index) for link, index, _ in self.scene.planned_links]
+        for row, (link, index) in zip(self._used, tools + links, strict=True):
             places = np.flatnonzero(near[:, row])
             if len(places):
                 place = int(places[len(places) // 2])
@@ -274,13 +275,6 @@ class Bodies:
         least = np.take_along_axis(room, nearest, axis=-2)[..., 0, :]
         push = np.take_along_axis(slope, nearest[..., None], axis=-3)[..., 0, :, :]
         return np.where(least <= _NEAR * self.way, _side(push), 0)
-
-    @property
-    def _named(self) -> list[tuple[str, int]]:
-        """Of each row that is of a body: the link that keeps clear of it, empty for the tool, and
-        the index of the body."""
-        links = [(name_of(link), index) for link, index, _ in self.scene.planned_links]
-        return [*(("", index) for index, _ in self.scene.obstacles), *links]
 
     @property
     def _used(self) -> Index:

@@ -81,8 +81,7 @@ def stopping(scene: Scene, most: float = _NEARLY) -> Trajectory | None:
     start = scene.task.start
     if start.velocity == REST:
         return None
-    quintics = _quintics(lambda T: (start, EndState(_stopped(start, T))))
-    return shortest_of(scene, quintics, most=most)
+    return shortest_of(scene, _quintics(lambda T: (start, EndState(_stopped(start, T)))), most=most)
 
 
 def from_state_to_state(scene: Scene, most: float = _NEARLY) -> Trajectory | None:
@@ -206,8 +205,7 @@ def _with_run_up(scene: Scene, stop: Trajectory | None, most: float) -> Iterator
 
 def run_up_to(scene: Scene, goal: EndState, most: float = _NEARLY) -> Trajectory | None:
     """A quintic from rest that passes a goal at its velocity; None if none stays within reach."""
-    quintics = _quintics(lambda T: (EndState(_stopped(goal, -T)), goal))
-    return shortest_of(scene, quintics, most=most)
+    return shortest_of(scene, _quintics(lambda T: (EndState(_stopped(goal, -T)), goal)), most=most)
 
 
 def _stopped(state: EndState, duration: float) -> Vector3:
