@@ -189,29 +189,21 @@ class Outcomes:
     def is_doubtful(self) -> bool:
         """Whether the best plan may be a poor local minimum."""
         if not isinstance(self.scene.objective, Time) or self.scene.tube is not None:
-            return False  # in a tube there is one first motion
+            return False  # in a tube there is hardly another
         best = self.best()
         return best.iterations > _LABORIOUS or is_slow(self.scene, best.duration, _LONG)
 
     def best(self) -> Plan:
         """The plan of least cost, with all distinct optima where several attempts were made.
 
-        Raises NotConverged if there is none.
+        Raises the first failure if there is none, NotConverged if nothing was attempted.
         """
         if self.plans:
             found = min(self.plans, key=lambda plan: plan.cost)
             return found if self.tried == 1 else replace(found, optima=self._optima())
-        first = self.failures[0] if self.failures else None
-        if self.tried == 1 and first is not None:
-            raise first
-        status, iterate = getattr(first, "status", "No_Start"), getattr(first, "iterate", None)
-        raise NotConverged(
-            f"none of {self.tried} attempts led to a plan, from a straight line of the platform, "
-            "one in the motor angles, curves, and paths over a grid, as far as these are possible; "
-            f"of the first: {first}",
-            status,
-            iterate,
-        )
+        if self.failures:
+            raise self.failures[0]
+        raise NotConverged("no mesh keeps any first motion in the workspace", "No_Start", None)
 
     def best_known(self) -> Plan:
         """The best plan. Where it misses its tolerance, another that is hardly longer may know

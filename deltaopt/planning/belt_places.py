@@ -15,7 +15,7 @@ import numpy as np
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import DeltaOptError, Infeasible
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.first_motions.belt import Meetings
+from deltaopt.planning.first_motions.belt import Meetings, not_found
 from deltaopt.planning.plan import Plan, plan_as_it_is
 from deltaopt.robot.model import model_of
 from deltaopt.scene.moving_ends import State
@@ -84,17 +84,19 @@ class PlacesOnBelt:
                 found = sooner
         return found
 
-    def told(self, error: DeltaOptError) -> DeltaOptError:
-        """An error that says too how nearly the belt is met at a place."""
+    def told(self, tried: int, error: DeltaOptError) -> DeltaOptError:
+        """The error of attempts, so many ``tried`` in vain, or one that says how nearly the belt is
+        met at a place."""
         if self.nearest is None or self.is_early:
             return error
         times, when = self.nearest
         told = (
-            f"{error}; the fastest motions found to places on its way take {times:.3g} times as "
-            f"long as the belt, or more, {times * when:.3g} instead of {when:.3g} s"
+            f"{not_found(self.scene, tried)}; the fastest motions found to places on its way take "
+            f"{times:.3g} times as long as the belt, or more, {times * when:.3g} instead of "
+            f"{when:.3g} s"
         )
         found = TooLate(told) if times > _TOO_LATE else Infeasible(told)
-        found.__cause__ = error.__cause__
+        found.__cause__ = error
         return found
 
     def _plan(self, time: float) -> Plan | None:

@@ -11,22 +11,27 @@ import numpy as np
 from deltaopt.errors import (
     ENDS_AN_ATTEMPT,
     NO_PLAN,
+    RULED_OUT,
     DeltaOptError,
     Infeasible,
+    NotConverged,
     if_possible,
 )
+from deltaopt.files.validated_record import vector3
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory, goal_of
 from deltaopt.planning.attempts import (
     Attempt,
     Outcomes,
     by_merit,
+    on_its_mesh,
     until_good,
 )
 from deltaopt.planning.first_motions.around_bodies import is_clear
-from deltaopt.planning.first_motions.belt import not_met
+from deltaopt.planning.first_motions.bands import sampled
+from deltaopt.planning.first_motions.belt import not_found
 from deltaopt.planning.first_motions.initial_motion import has_time_to_wait
-from deltaopt.planning.first_motions.order_of_merit import crosses_singularity
+from deltaopt.planning.first_motions.order_of_merit import crosses_singularity, timed_axis
 from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.planning.first_motions.slow_motions import slow_motions
 from deltaopt.planning.journal import Journal
@@ -36,13 +41,26 @@ from deltaopt.planning.remedies import REMEDIES, better
 from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser, safe
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
+from deltaopt.scene.feasibility import require_links_clear, require_state, room_at_rest
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import EndState
 
 _USUAL, _ANOTHER_WAY_ABOVE = 1e-3, 3e-3
 """Tolerances of at least the first are to be met, or planning starts again from another first
 motion. Where a tighter one is missed it does so above the second: smaller gaps are not the first
 motion's fault, and planning again seldom changes them."""
+_IMPROVED, _SHORTER = 4, 1e-4
+"""How many plans at most then begin with the motion found, each with that of the one before; and by
+what share each must be shorter, or else tell a smaller gap."""
+_TOLD = 2
+"""Of how many motions at most it is said what is in their way: those in whose way is least."""
+_DIGITS = 9
+"""Decimals of places in words, m."""
+_MAY_HELP = (
+    "another number of intervals, a looser tolerance or more starts may lead to one, for no search "
+    "is complete"
+)
 _ROUNDING = 1e-9
 """What the ends of a motion may be off those asked for, of how far it goes, and of that in its
 duration."""
@@ -86,7 +104,9 @@ class Loop:
             found = self.optimiser.plan(attempt, self.journal.mesh)
         except ENDS_AN_ATTEMPT as error:
             self.journal.end(str(error))
-            return error
+            if isinstance(error, NotConverged):
+                return error
+            return NotConverged(str(error), "Ruled_Out", attempt.motion)  # an iterate, no scene
         self.journal.end(f"{found.duration:.6g} s, gap {found.gap:.1e}", found.duration)
         return found
 
@@ -126,7 +146,7 @@ class Loop:
         if so_far.plans:
             return so_far.best_known()
         none = Infeasible("no simple motion through all given points stays within reach")
-        return not_met(scene, so_far.tried, so_far.failures[0]) if so_far.failures else none
+        return so_far.failures[0] if so_far.failures else none
 
     def only_from(self, attempt: Attempt) -> Plan:
         """From one attempt. Raises what ends it."""
@@ -137,21 +157,51 @@ class Loop:
     def at_worst(self, scene: Scene, planned: Callable[[Scene], Plan]) -> Plan:
         """The plan that ``planned`` makes of a scene. Where that raises that there is none, the
         fastest of the motions that attempts began with, and of slow ones, that keep all limits,
-        slowed as far as need be; its gap is not known. Not for costs other than time."""
+        slowed as far as need be and then improved. Not for costs other than time.
+
+        Raises what rules a motion out, and NotConverged with what keeps the platform from places of
+        these motions.
+        """
         try:
             return planned(scene)
-        except NO_PLAN:
-            if not isinstance(scene.objective, Time):
-                raise
-            begun = (a.motion for a in self.attempts if a.scene.task.gates == scene.task.gates)
-            motions = dict.fromkeys([*begun, *slow_motions(scene)])  # each once, in their order
-            kept = [if_possible(NO_PLAN, _kept, scene, motion) for motion in motions]
+        except NO_PLAN as error:
+            begun = [a for a in self.attempts if a.scene.task.gates == scene.task.gates]
+            slow = slow_motions(scene) if isinstance(scene.objective, Time) else ()
+            names = {a.motion: a.proposal for a in begun} | {one.motion: one.name for one in slow}
+            kept = [if_possible(NO_PLAN, _kept, scene, motion) for motion in names]
             best = min((one for one in kept if one), key=lambda one: one.duration, default=None)
-            if best is None:
-                raise
+            if best is None or not isinstance(scene.objective, Time):
+                if scene.tube is not None:
+                    timed_axis(scene)  # raises what rules it out, if that is known
+                if not isinstance(error, NotConverged):
+                    raise
+                ruled_out = sorted({_in_the_way(scene, *named) for named in names.items()})
+                reasons = [reason for _, reason in reversed(ruled_out) if reason][:_TOLD]
+                if best is not None:
+                    reasons = [f"one of {best.duration:.6g} s keeps them, but at no least cost"]
+                told = [not_found(scene, len(self.attempts)), *reasons, _MAY_HELP]
+                raise NotConverged("; ".join(told), error.status, error.iterate) from error
             self.journal.note(f"of these the fastest that keeps all limits: {best.duration:.6g} s")
             name, tolerance = self.optimiser.problem_formulation.name, self.optimiser.tolerance
-            return plan_as_it_is(scene, best, tolerance, name)
+            found = plan_as_it_is(scene, best, tolerance, name)
+            return self.improved(scene, found)
+
+    def improved(self, scene: Scene, found: Plan) -> Plan:
+        """A plan that begins with the motion of another, on the mesh of that, as often as this
+        makes it better; the other one where that is not possible. A mesh whose knots are where
+        bodies are passed closely does not lead through them."""
+        for _ in range(_IMPROVED):
+            better = self.made(on_its_mesh(scene, found.trajectory))
+            if not isinstance(better, Plan) or not is_clear(scene, better.trajectory):
+                break
+            shorter = better.duration < (1 - _SHORTER) * found.duration
+            longer = better.duration > (1 + _SHORTER) * found.duration
+            if not shorter and (longer or better.gap >= found.gap):
+                break
+            found = better
+            if found.gap <= self.good_gap:
+                break
+        return found
 
 
 def _kept(scene: Scene, motion: Trajectory) -> Trajectory | None:
@@ -166,6 +216,27 @@ def _kept(scene: Scene, motion: Trajectory) -> Trajectory | None:
         return safe(scene, motion, factor, "As_It_Is")
     is_kept = factor <= 1 + KEPT and motion.duration >= scene.least_duration
     return motion if is_kept else None
+
+
+def _in_the_way(scene: Scene, motion: Trajectory, name: str) -> tuple[float, str]:
+    """The least room to be at rest at places of a motion, and in words, with its ``name``, what it
+    exceeds there or as it moves: empty where that is not known."""
+    free = scene.model_copy(update={"approach": None})  # which is for a part of the motion alone
+    places, problem = sampled(motion), problem_of(scene)
+    room = room_at_rest(free, places)
+    least, worst = float(room.min()), EndState(vector3(places[room.argmin()].round(_DIGITS)))
+    try:
+        if free.planned_links:
+            require_links_clear(free, name, worst.position)
+        require_state(free, name, worst, is_given=False)
+    except RULED_OUT as error:
+        return least, str(error)
+    if crosses_singularity(problem, motion):
+        return least, f"{name} leads through a parallel singularity"
+    factor = if_possible(NO_PLAN, safe_factor, problem, motion)
+    if problem.is_at_rest or factor is None or factor == inf:
+        return least, ""
+    return least, f"{name} would have to take {factor:.3g} times as long, but its ends move"
 
 
 def _off_its_ends(problem: Problem, motion: Trajectory) -> float:

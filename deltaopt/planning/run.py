@@ -29,7 +29,6 @@ from deltaopt.planning.attempts import (
     Outcomes,
     Search,
     from_motion,
-    on_its_mesh,
 )
 from deltaopt.planning.belt_places import PlacesOnBelt, TooLate
 from deltaopt.planning.first_motions.around_bodies import (
@@ -37,7 +36,6 @@ from deltaopt.planning.first_motions.around_bodies import (
     is_clear,
     name_of_way,
 )
-from deltaopt.planning.first_motions.bands import Bodies
 from deltaopt.planning.first_motions.moving_ends import first_moving_motions
 from deltaopt.planning.first_motions.multistart import other_motions
 from deltaopt.planning.first_motions.order_of_merit import first_motion
@@ -62,9 +60,6 @@ from deltaopt.scene.task import MovingEnds, MovingPoint, OnPath, given_points
 _PATHS = 2
 """How many paths of straight lines are planned along where no mesh finds its way: over few places,
 and over more of them. Each takes a second or two."""
-_IMPROVED, _SHORTER = 4, 1e-4
-"""How many plans at most then begin with the motion found, each with that of the one before; and by
-what share each must be shorter, or else tell a smaller gap."""
 _NEARBY, _NEARLY = 2, 1e-2
 """How many times finer the first mesh from a motion near the best is, and the gap up to which what
 it leads to is taken."""
@@ -244,6 +239,7 @@ class Run(Loop):
         if isinstance(found, Plan) and (slow or found.gap <= self.good_gap):
             return found
 
+        tried = len(self.attempts)
         places = PlacesOnBelt.of(
             scene, lambda each: self._past_or_through(each, simple_motions(each))
         )
@@ -252,7 +248,7 @@ class Run(Loop):
         self.journal.note("once more, by way of places that the belt passes:")
         waiting = places.plan()
         if waiting is None:
-            return found if isinstance(found, Plan) else places.told(found)
+            return found if isinstance(found, Plan) else places.told(tried, found)
         first = Proposal("waiting, then to a place on the belt", waiting.trajectory)
         other = self.until_good(scene, iter([first]))
         plans = [each for each in (found, other, waiting) if isinstance(each, Plan)]
@@ -288,13 +284,7 @@ class Run(Loop):
         except ENDS_AN_ATTEMPT as error:
             self.journal.note(str(error))
         if scene.tube is not None:  # no way around a body but in it
-            try:
-                return self.by_merit(scene)
-            except NotConverged as error:
-                bodies, path = Bodies.along(scene, first_motion(scene))
-                told = f"no motion past the bodies was found within {1e3 * scene.tube:g} mm of the "
-                told += f"path, on which {bodies.too_near(path)}"
-                raise (Infeasible(told) if bodies.too_near(path) else error) from error
+            return self.by_merit(scene)
 
         found, failure = list[Plan](), None
         try:
@@ -303,7 +293,7 @@ class Run(Loop):
             first = first_motion(at_rest(scene, ends))
             way = Attempt(scene, first, self.optimiser.intervals)
             plan, ways = fastest_way(way, motion, self.only_from, self.on_first_mesh, self.good_gap)
-            plan = plan if plan.gap <= self.good_gap else self._improved(scene, plan)
+            plan = plan if plan.gap <= self.good_gap else self.improved(scene, plan)
             found.append(replace(plan, scene=scene, ways=ways))
         except ENDS_AN_ATTEMPT as error:
             failure = error
@@ -361,28 +351,11 @@ class Run(Loop):
             replace(each, scene=scene, gap=inf, certificate=None, multipliers=None)
             for each in sorted(found, key=_cost)
         ]
-        improved = (self._improved(scene, each) for each in found)
+        improved = (self.improved(scene, each) for each in found)
         known = next((each for each in improved if isfinite(each.gap)), found[0])
         best = min(found[0], known, key=_cost)
         way = TakenWay(name_of_way(scene, best.trajectory), best.duration, True)
         return [replace(best, ways=(way,))]
-
-    def _improved(self, scene: Scene, found: Plan) -> Plan:
-        """A plan that begins with the motion of another, on the mesh of that, as often as this
-        makes it better; the other one where that is not possible. A mesh whose knots are where
-        bodies are passed closely does not lead through them."""
-        for _ in range(_IMPROVED):
-            better = self.made(on_its_mesh(scene, found.trajectory))
-            if not isinstance(better, Plan) or not is_clear(scene, better.trajectory):
-                break
-            shorter = better.duration < (1 - _SHORTER) * found.duration
-            longer = better.duration > (1 + _SHORTER) * found.duration
-            if not shorter and (longer or better.gap >= found.gap):
-                break
-            found = better
-            if found.gap <= self.good_gap:
-                break
-        return found
 
 
 def _cost(plan: Plan) -> float:

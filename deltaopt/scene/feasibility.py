@@ -56,7 +56,7 @@ def check_feasible(scene: Scene) -> None:
         if each.within:
             _require_sphere(scene, number, each)
         else:
-            _require(scene, f"via {number}", EndState(each.position), orders=1)
+            require_state(scene, f"via {number}", EndState(each.position), orders=1)
     start, goal = scene.ends
     if not scene.moves_at_ends and not scene.via:
         way = dist(*scene.given_points)
@@ -65,9 +65,9 @@ def check_feasible(scene: Scene) -> None:
                 f"start and goal are {way:.1e} m apart, which coordinates in double precision "
                 f"cannot resolve; at least {_SHORTEST_MOVE:g} m are needed"
             )
-    _require(scene, "start", start)
+    require_state(scene, "start", start)
     if isinstance(goal, EndState):
-        _require(scene, "goal", goal)
+        require_state(scene, "goal", goal)
 
 
 def _require_links_clear(scene: Scene) -> None:
@@ -75,14 +75,19 @@ def _require_links_clear(scene: Scene) -> None:
     ends = zip(("start", "goal"), scene.given_points, strict=False)  # a goal that moves is none
     exact = ((f"via {n}", v.position) for n, v in enumerate(scene.task.via, 1) if not v.within)
     for name, point in (*ends, *exact):
-        rooms = rooms_at(scene, np.array([point]))[0]
-        for link, body in np.argwhere(rooms < -_ROUNDING).tolist():
-            assert scene.keep_out is not None
-            too_near = f"{-1e3 * rooms[link, body]:.4g} mm too near to"
-            raise Infeasible(
-                f"{name}: at {in_words(point)} m {name_of(link)} is {too_near} "
-                f"keep_out[{body}], a {scene.keep_out[body].kind}"
-            )
+        require_links_clear(scene, name, point)
+
+
+def require_links_clear(scene: Scene, name: str, point: Vector3) -> None:
+    """Raise Infeasible if an arm or a forearm is too near to a body with the platform at a point,
+    m. ``name``: of the point in sentences."""
+    rooms = rooms_at(scene, np.array([point]))[0]
+    for link, body in np.argwhere(rooms < -_ROUNDING).tolist():
+        assert scene.keep_out is not None
+        raise Infeasible(
+            f"{name}: at {in_words(point)} m {name_of(link)} is {-1e3 * rooms[link, body]:.4g} mm "
+            f"too near to keep_out[{body}], a {scene.keep_out[body].kind}"
+        )
 
 
 def _require_sphere(scene: Scene, number: int, sphere: ViaPoint) -> None:
@@ -94,7 +99,7 @@ def _require_sphere(scene: Scene, number: int, sphere: ViaPoint) -> None:
     for away in [np.zeros(3), *ways]:
         x, y, z = (np.array(sphere.position) + away).tolist()
         try:
-            return _require(scene, f"via {number}", EndState((x, y, z)), orders=1)
+            return require_state(scene, f"via {number}", EndState((x, y, z)), orders=1)
         except (Unreachable, Singular, Infeasible) as error:
             first = first or error
     assert first is not None
@@ -102,15 +107,22 @@ def _require_sphere(scene: Scene, number: int, sphere: ViaPoint) -> None:
     raise Infeasible(f"{first}; nor is any of {len(ways)} places {away} possible") from first
 
 
-def _require(scene: Scene, name: str, end: EndState, orders: int = 3) -> None:
+def require_state(
+    scene: Scene, name: str, end: EndState, orders: int = 3, is_given: bool = True
+) -> None:
     """Raise Unreachable, Singular or Infeasible if the platform cannot be in a state, or not leave
-    it. ``name``: of the state in sentences; ``orders``: of limits that count, below this one."""
+    it. ``name``: of the state in sentences; ``orders``: of limits that count, below this one;
+    ``is_given``: whether it is the scene's own, perhaps with its coordinates in another order."""
     point, at_rest = end.position, end.velocity == REST
     velocity = None if at_rest and orders > 1 else np.array([end.velocity])
     if _surely(scene, np.array([point]), velocity).all():
         return
     model, still = model_of(scene.robot, scene.payload), np.zeros(3)
-    _require_reach(scene, model, name, point)
+    try:
+        _require_reach(model, point)
+    except Unreachable as error:
+        meant = perhaps_meant(scene, point) if is_given else ""
+        raise Unreachable(f"{name}: {error}{meant}") from None
     if velocity is None:
         model.inverse_dynamics(point, still, still)
     place, how = f"at {in_words(point)} m the", f"at {in_words(end.velocity)} m/s "
@@ -205,17 +217,14 @@ def _within(row: ca.SX, lower: bool, upper: bool) -> ca.SX:
     return ca.fmax(row, 0) if upper else ca.fmin(row, 0)
 
 
-def _require_reach(scene: Scene, model: Model, name: str, point: Vector3) -> None:
+def _require_reach(model: Model, point: Vector3) -> None:
     """Raise Unreachable if a point is outside the workspace or the industrial assembly mode."""
-    try:
-        q = model.inverse_kinematics(point)
-        back = model.forward_kinematics(q[model.functions.motors])
-    except Unreachable as error:
-        raise Unreachable(f"{name}: {error}{perhaps_meant(scene, point)}") from None
+    q = model.inverse_kinematics(point)
+    back = model.forward_kinematics(q[model.functions.motors])
     if np.linalg.norm(back - point) > _SAME_PLACE:
         raise Unreachable(
-            f"{name}: at {in_words(point)} m the platform is not below its elbows, which is "
-            f"outside the industrial assembly mode{perhaps_meant(scene, point)}"
+            f"at {in_words(point)} m the platform is not below its elbows, which is "
+            "outside the industrial assembly mode"
         )
 
 

@@ -13,7 +13,7 @@ import pytest
 
 import deltaopt
 from deltaopt.curves.piecewise import PiecewisePolynomial
-from deltaopt.errors import SceneError
+from deltaopt.errors import SceneError, Unreachable
 from deltaopt.limits.tube import Tube
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.plan import Plan
@@ -21,6 +21,8 @@ from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.path_distance import farthest_from
 from studies.bench.hard_moves import move
+from studies.bench.statics import Statics
+from tests.hard_scenes import hard_scene
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 BENT = load_scene(PROBLEMS / "paths" / "tube.yaml")
@@ -39,9 +41,9 @@ sample is more than that from the path at most."""
 
 
 def away_by_samples(scene: Scene, x: np.ndarray) -> np.ndarray:
-    """Distances of points, (N, 3), from the path, by 8,001 samples of it."""
+    """Distances of points, (N, 3), from the path, by 12,001 samples of it."""
     path = scene.path.between(*scene.given_points)
-    places = path(np.linspace(path.knots[0], path.knots[-1], 8_001))
+    places = path(np.linspace(path.knots[0], path.knots[-1], 12_001))
     assert np.linalg.norm(np.diff(places, axis=0), axis=1).max() ** 2 / 4 < SPACING_SQUARED
     return np.array([np.sqrt(((places - each) ** 2).sum(axis=1).min()) for each in x])
 
@@ -134,6 +136,20 @@ def test_kept_where_two_places_are_equally_near():
     """This motion turns sharply out of a corner of its tube: there the nearest place leaps from
     one leg of the path to the next, and the distance has a kink between all samples."""
     planned(move(3, 306).scene)
+
+
+def test_a_way_is_found_where_the_path_itself_leaves_the_workspace():
+    """Within 150 mm of it; within 30 mm there is none, and the path's own place is told."""
+    move = hard_scene("17_nc_orsino")
+    scene = Scene.model_validate({**move.model_dump(), "path": "line", "tube": 0.15})
+    free = deltaopt.plan(move)
+    assert planned(scene).duration > free.duration / (1 + free.gap)
+    with pytest.raises(Unreachable, match="arm and bars of chain 1 cannot close") as error:
+        deltaopt.plan(about(scene, 0.03))
+    written = str(error.value).split("[")[1].split("]")[0]
+    place = np.array([[float(each) for each in written.split(", ")]])
+    assert away_by_samples(scene, place).max() < 1e-6 + SPACING_SQUARED**0.5
+    assert np.isnan(Statics(scene.robot, 0.0).at(place).angles).any()
 
 
 def test_a_free_motion_leaves_the_tube():

@@ -11,7 +11,6 @@ from deltaopt import (
     Belt,
     DeltaOptError,
     Infeasible,
-    NotConverged,
     State,
     load_scene,
     plan,
@@ -19,7 +18,7 @@ from deltaopt import (
 )
 from deltaopt.errors import if_possible
 from deltaopt.motion.lower_bound import soonest
-from deltaopt.planning.first_motions.belt import Meetings, not_met
+from deltaopt.planning.first_motions.belt import Meetings, not_found
 from deltaopt.planning.loop import Loop
 from deltaopt.robot.model import delta_model
 from studies.bench.hard_moves import move
@@ -81,12 +80,14 @@ def test_no_way_past_a_wall_is_looked_for_to_a_belt_that_is_missed_without_it():
 
 def test_a_state_that_is_not_reached_is_told_in_words_of_its_own():
     """And that it stands still, for who meant a belt; other errors stay as they are."""
-    passed, error = load_scene("problems/moving/passed_state.yaml"), NotConverged("x", "y", None)
-    assert str(not_met(passed, 1, error)) == (
+    passed = load_scene("problems/moving/passed_state.yaml")
+    assert not_found(passed, 1) == (
         "no motion was found that passes [0.85, 0.1, -0.05] m at [-0.3, 1, 0] m/s, a point that "
         "stands still; one attempt was made, and none led to one that keeps all limits"
     )
-    assert not_met(load_scene("problems/moving/stop.yaml"), 1, error) is error
+    assert not_found(load_scene("problems/moving/stop.yaml"), 2) == (
+        "no motion was found; 2 attempts were made, and none led to one that keeps all limits"
+    )
     assert "a point that stands still, passed at a velocity" in passed.task.description
 
 

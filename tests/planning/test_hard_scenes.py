@@ -43,6 +43,7 @@ BEST = {
     "31_sing_random": 0.227251,
     "35_ends_industrial": 0.421383,
     "37_ends_massless": 0.305176,
+    "39_ends_massless": 0.371587,
 }
 """The best duration known, s, of motions that pass through no parallel singularity."""
 

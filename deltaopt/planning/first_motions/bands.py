@@ -256,8 +256,9 @@ class Bodies:
         for each body the side at the middle of the places where the band is near it."""
         distance, slope = self.distances(band[1:-1])
         near = distance <= self.kept + _NEAR * self.way
-        found = []
-        for row, (link, index) in zip(self._used, self._named, strict=True):
+        found, tools = [], [("", index) for index, _ in self.scene.obstacles]
+        links = [(name_of(link), index) for link, index, _ in self.scene.planned_links]
+        for row, (link, index) in zip(self._used, tools + links, strict=True):
             places = np.flatnonzero(near[:, row])
             if len(places):
                 place = int(places[len(places) // 2])
@@ -274,22 +275,6 @@ class Bodies:
         least = np.take_along_axis(room, nearest, axis=-2)[..., 0, :]
         push = np.take_along_axis(slope, nearest[..., None], axis=-3)[..., 0, :, :]
         return np.where(least <= _NEAR * self.way, _side(push), 0)
-
-    def too_near(self, band: Array) -> str:
-        """Where a band comes nearest to a body for what it is to keep, in words; empty if it is
-        clear of all."""
-        room = (self.distances(band)[0] - self.kept)[:, self._used].min(axis=0)
-        row = int(room.argmin())
-        link, index = self._named[row]
-        missed = f"comes {-1e3 * room[row]:.3g} mm too near to keep_out[{index}]"
-        return f"{link or 'the tool'} {missed}" if room[row] < 0 else ""
-
-    @property
-    def _named(self) -> list[tuple[str, int]]:
-        """Of each row that is of a body: the link that keeps clear of it, empty for the tool, and
-        the index of the body."""
-        links = [(name_of(link), index) for link, index, _ in self.scene.planned_links]
-        return [*(("", index) for index, _ in self.scene.obstacles), *links]
 
     @property
     def _used(self) -> Index:

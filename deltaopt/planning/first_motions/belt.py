@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.errors import DeltaOptError, Infeasible, NotConverged, in_words
+from deltaopt.errors import Infeasible, in_words
 from deltaopt.motion.loads import sizes_at
 from deltaopt.motion.lower_bound import soonest
 from deltaopt.problem.of_scene import problem_of
@@ -133,23 +133,17 @@ class Meetings:
         return f"from {first:.3g} to {last:.3g} s after the start, {' to '.join(places)} m"
 
 
-def not_met(scene: Scene, tried: int, error: DeltaOptError) -> DeltaOptError:
-    """The error of attempts, so many ``tried`` in vain, in words of the goal if that moves."""
-    goal = scene.task.goal
-    if isinstance(goal, RestAnywhere) or goal.velocity == REST:
-        return error
-    attempts = "one attempt was made" if tried == 1 else f"{tried} attempts were made"
-    place = f"passes {goal.description}, a point that stands still"
+def not_found(scene: Scene, tried: int) -> str:
+    """That no motion was found by attempts, so many ``tried`` in vain: in words of the goal, if
+    that moves or is passed."""
+    goal, sought = scene.task.goal, ""
     if isinstance(goal, MovingPoint):
         allowed = Meetings.of(scene, goal).in_words
-        place = f"meets {goal.description}, which positions and speeds allow {allowed}"
-    told = NotConverged(
-        f"no motion was found that {place}; {attempts}, and none led to one that keeps all limits",
-        getattr(error, "status", "No_Start"),
-        getattr(error, "iterate", None),
-    )
-    told.__cause__ = error
-    return told
+        sought = f" that meets {goal.description}, which positions and speeds allow {allowed}"
+    elif not isinstance(goal, RestAnywhere) and goal.velocity != REST:
+        sought = f" that passes {goal.description}, a point that stands still"
+    attempts = "one attempt was made" if tried == 1 else f"{tried} attempts were made"
+    return f"no motion was found{sought}; {attempts}, and none led to one that keeps all limits"
 
 
 def _times_within(goal: MovingPoint, radius: float) -> Array:

@@ -48,37 +48,40 @@ Family = Callable[[Array], tuple[Array, Array]]
 time since a piece began, (n, pieces, powers, 3), m, and their lengths, (n, pieces), s."""
 
 
-def first_moving_motions(scene: Scene, under_way: PiecewisePolynomial | None) -> Iterator[Proposal]:
+def first_moving_motions(
+    scene: Scene, under_way: PiecewisePolynomial | None, most: float = _NEARLY
+) -> Iterator[Proposal]:
     """First guesses, the best first: a quintic; the motion under way to its end and on from there
     to the goal, where one is under way; a stop, and on from there; a stop, from rest to rest to
     where a run-up to the goal begins, and that.
 
-    ``under_way``: what would follow the start, from the time 0 on, m over s.
+    ``under_way``: what would follow the start, from the time 0 on, m over s. ``most``: of the
+    limits they take at samples, if that is possible; between two rests not more than all.
     """
     task = scene.task
     assert isinstance(task, MovingEnds)
-    direct = from_state_to_state(scene)
+    direct = from_state_to_state(scene, most)
     if direct is not None:
         yield Proposal("a quintic", direct)
-    for motion in _waiting(scene):
+    for motion in _waiting(scene, most):
         yield Proposal("waiting for the belt, then a quintic", motion)
     if under_way is not None:
-        for motion in _onwards(scene, under_way):
+        for motion in _onwards(scene, under_way, most):
             yield Proposal("the motion under way, and on from its end", motion)
-    stop = stopping(scene)
+    stop = stopping(scene, most)
     if stop is not None:
-        for motion in _onwards(scene, stop.position):
+        for motion in _onwards(scene, stop.position, most):
             yield Proposal("a stop, and on from there", motion)
-    for motion in _with_run_up(scene, None if task.start.velocity == REST else stop):
+    for motion in _with_run_up(scene, None if task.start.velocity == REST else stop, most):
         yield Proposal("a run-up to the goal", motion)
 
 
-def stopping(scene: Scene) -> Trajectory | None:
+def stopping(scene: Scene, most: float = _NEARLY) -> Trajectory | None:
     """A quintic from the start to rest; None from rest, or if none stays within reach."""
     start = scene.task.start
     if start.velocity == REST:
         return None
-    return shortest_of(scene, _quintics(lambda T: (start, EndState(_stopped(start, T)))))
+    return shortest_of(scene, _quintics(lambda T: (start, EndState(_stopped(start, T)))), most=most)
 
 
 def from_state_to_state(scene: Scene, most: float = _NEARLY) -> Trajectory | None:
@@ -105,7 +108,7 @@ def shortest_to_goal(scene: Scene, family: Family, most: float = _NEARLY) -> Tra
     return shortest_of(scene, family, meetings.durations, meetings.within, most) or found
 
 
-def _waiting(scene: Scene) -> Iterator[Trajectory]:
+def _waiting(scene: Scene, most: float) -> Iterator[Trajectory]:
     """Motions that wait at a start at rest for a belt that cannot be met yet, and meet it soon
     after it can be."""
     task = scene.task
@@ -115,7 +118,7 @@ def _waiting(scene: Scene) -> Iterator[Trajectory]:
     if meetings.is_possible_at(0.0):
         return
     for time in meetings.durations[:_SOONEST].tolist():
-        found = shortest_of(scene, _after_waiting(task.start, task.goal, time), _COARSE)
+        found = shortest_of(scene, _after_waiting(task.start, task.goal, time), most=most)
         if found is not None:
             yield found
 
@@ -159,7 +162,7 @@ def end_of(position: PiecewisePolynomial) -> Vector3:
     return vector3(position.at(position.knots[-1:])[0])
 
 
-def _onwards(scene: Scene, before: PiecewisePolynomial) -> Iterator[Trajectory]:
+def _onwards(scene: Scene, before: PiecewisePolynomial, most: float) -> Iterator[Trajectory]:
     """A motion that comes to rest, and one from there to the scene's goal, if it is elsewhere."""
     goal = scene.task.goal
     there = isinstance(goal, EndState) and goal.velocity == REST
@@ -168,39 +171,41 @@ def _onwards(scene: Scene, before: PiecewisePolynomial) -> Iterator[Trajectory]:
     ):
         yield Trajectory(before, model_of(scene.robot, scene.payload))
         return
-    later = if_possible(RULED_OUT, first_between, from_rest(scene, end_of(before)))
+    later = if_possible(RULED_OUT, first_between, from_rest(scene, end_of(before)), most)
     if later is not None:
         yield Trajectory(before.then(later.position), later.model)
 
 
-def first_between(scene: Scene) -> Trajectory | None:
+def first_between(scene: Scene, most: float = _NEARLY) -> Trajectory | None:
     """A first motion between two points, or states; None if none stays within reach.
 
     Raises Unreachable or Infeasible where none can be driven, or a belt cannot be met.
     """
-    return from_state_to_state(scene) if scene.moves_at_ends else first_motion(scene)
+    if scene.moves_at_ends:
+        return from_state_to_state(scene, most)
+    return first_motion(scene).slowed(max(1.0, 1 / most))
 
 
-def _with_run_up(scene: Scene, stop: Trajectory | None) -> Iterator[Trajectory]:
+def _with_run_up(scene: Scene, stop: Trajectory | None, most: float) -> Iterator[Trajectory]:
     """A ``stop``, if the start moves, from rest to rest to where a run-up to the goal begins, and
     the run-up; none to a goal that is not passed in a known state."""
     goal = scene.task.goal
     if not isinstance(goal, EndState) or goal.velocity == REST:
         return
-    run_up = run_up_to(scene, goal)
+    run_up = run_up_to(scene, goal, most)
     if run_up is None:
         return
     begin = scene.task.start.position if stop is None else end_of(stop.position)
     between = {"start": begin, "goal": start_of(run_up.position)}
-    there = if_possible(RULED_OUT, first_motion, scene.model_copy(update=between))
+    there = if_possible(RULED_OUT, first_between, scene.model_copy(update=between), most)
     if there is not None:
         position = there.position if stop is None else stop.position.then(there.position)
         yield Trajectory(position.then(run_up.position), run_up.model)
 
 
-def run_up_to(scene: Scene, goal: EndState) -> Trajectory | None:
+def run_up_to(scene: Scene, goal: EndState, most: float = _NEARLY) -> Trajectory | None:
     """A quintic from rest that passes a goal at its velocity; None if none stays within reach."""
-    return shortest_of(scene, _quintics(lambda T: (EndState(_stopped(goal, -T)), goal)))
+    return shortest_of(scene, _quintics(lambda T: (EndState(_stopped(goal, -T)), goal)), most=most)
 
 
 def _stopped(state: EndState, duration: float) -> Vector3:

@@ -71,14 +71,16 @@ def in_order_of_merit(scene: Scene) -> Iterator[Trajectory]:
 
 
 def rounds(scene: Scene) -> Iterator[Iterator[Proposal]]:
-    """First motions in order of merit, in two rounds: lines and curves, then paths over a grid.
+    """First motions in order of merit, in two rounds: lines and curves, then paths over a grid. In
+    a tube its axis alone, unless that is ruled out.
 
     The second takes longer, and is better where the workspace is narrow. Raises Unreachable after
     the second round if there was no motion in either, and Infeasible before it where every path
     leads through a parallel singularity.
     """
-    if scene.tube is not None:
-        yield iter([Proposal("the tube's axis", timed_axis(scene))])
+    axis = None if scene.tube is None else if_possible(RULED_OUT, timed_axis, scene)
+    if axis is not None:
+        yield iter([Proposal("the tube's axis", axis)])
         return
     found: list[Proposal] = []
     yield _noted(_lines_and_curves(scene), found)

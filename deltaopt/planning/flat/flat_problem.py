@@ -211,17 +211,10 @@ class FlatProblem:
             if found.iterations >= _CREEPING:
                 break
         sooner_else = guess.near or guess.is_trial  # on another mesh, or from another motion
-        if len(self.mesh) > _IPOPT_INSTEAD or sooner_else:
+        by_ipopt = self.equations.by_ipopt
+        if len(self.mesh) > _IPOPT_INSTEAD or sooner_else or scaling.gates or by_ipopt is None:
             raise NotConverged(
                 f"the interior-point method does not converge on {len(self.mesh)} intervals",
-                "No_Progress",
-                guess.trajectory,
-            )
-        by_ipopt = self.equations.by_ipopt
-        if scaling.gates or by_ipopt is None:
-            raise NotConverged(
-                "motions in phases, or with limits or costs of jerk or torque rate, are planned by "
-                "the interior-point method alone, which does not converge here",
                 "No_Progress",
                 guess.trajectory,
             )
