@@ -85,15 +85,19 @@ def ways_around(
     scene: Scene, first: Trajectory, free: Trajectory | None = None
 ) -> Iterator[list[Way]]:
     """The ways past the bodies of a scene, from one source after the other, of each the one that is
-    driven fastest first: bows, and ``first`` where that is clear of bodies; where it is not, then
-    bands, or the path of straight lines where there are none. ``free``: the fastest motion without
-    bodies, if it is known: ways that are much as it is are fast."""
-    bodies, clear = Bodies.of(scene), is_clear(scene, first)
-    found = [Way(first, ())] if clear else []
-    if free or not clear:
-        found += _drawn_ways(scene, bodies, bows(bodies, sampled(free or first)))
-    yield found
-    if not clear:
+    driven fastest first. ``free``: the fastest motion without bodies, if it is known.
+
+    First come ``first``, where that is clear of bodies, and bows of ``free``: ways that are much as
+    it is are fast. Where ``first`` is not clear, then bows of it, and bands, or the path of
+    straight lines where there are none.
+    """
+    bodies = Bodies.of(scene)
+    found = [Way(first, ())] if is_clear(scene, first) else []
+    if found or free:
+        around = bows(bodies, sampled(free)) if free else []
+        yield [*found, *_drawn_ways(scene, bodies, around)]
+    if not found:
+        yield _drawn_ways(scene, bodies, bows(bodies, sampled(first)))
         drawn = _drawn_ways(scene, bodies, clear_bands(bodies, sampled(first)))
         yield drawn or list(_through_passages(scene, bodies))
 
