@@ -13,6 +13,7 @@ import deltaopt
 from deltaopt import Belt, Scene, State, Trajectory
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.robot.model import model_of
+from deltaopt.verify.clearance import distance_from
 
 _SLOW = 4.0
 """Seconds for each straight piece."""
@@ -103,5 +104,10 @@ def _leg(scene: Scene, one: Array, other: Array, rng: Generator) -> PiecewisePol
 
 
 def _is_right(scene: Scene, position: PiecewisePolynomial) -> bool:
+    begin, end = position.knots[[0, -1]]
+    places = position.at(np.linspace(begin, end, 200))
+    near = (distance_from(body, places)[0].min() for _, body in scene.obstacles)
+    if any(distance < scene.least_clearance for distance in near):
+        return False  # as verification says, in a hundredth of its time
     motion = Trajectory(position, model_of(scene.robot, scene.payload))
     return deltaopt.verify(scene, motion).ok

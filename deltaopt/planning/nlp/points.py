@@ -42,14 +42,21 @@ class PointFunction:
         p = ca.SX.sym("p", self.function.size1_in(1))
         return y, p, self.function(y, p)
 
+    @cached_property
+    def own(self) -> list[int]:
+        """Which of p the equations depend on. The derivatives have these alone, so that problems
+        that differ in others, as those of limits, have the same machine code."""
+        _, p, r = self._expressions
+        return np.flatnonzero(ca.which_depends(r, p, 1, False)).tolist()
+
     @property
     def jacobian(self) -> tuple[ca.Function, ca.Sparsity]:
-        """(y, p) -> r and the nonzeros of ∂r/∂y; their sparsity."""
+        """(y, own p) -> r and the nonzeros of ∂r/∂y; their sparsity."""
         return self.derivatives[0]
 
     @property
     def hessian(self) -> tuple[ca.Function, ca.Sparsity]:
-        """(y, p, λ) -> the nonzeros of ∂²(λ·r)/∂y²; their sparsity."""
+        """(y, own p, λ) -> the nonzeros of ∂²(λ·r)/∂y²; their sparsity."""
         return self.derivatives[1]
 
     @cached_property
@@ -64,8 +71,8 @@ class PointFunction:
         y, p, r = self._expressions
         lam = ca.SX.sym("lam", r.numel())
         J, H = ca.jacobian(r, y), ca.hessian(ca.dot(lam, r), y)[0]
-        jacobian = ca.Function("jacobian", [y, p], [r, J.nz[:]], {"cse": True})
-        hessian = ca.Function("hessian", [y, p, lam], [H.nz[:]], {"cse": True})
+        jacobian = ca.Function("jacobian", [y, p[self.own]], [r, J.nz[:]], {"cse": True})
+        hessian = ca.Function("hessian", [y, p[self.own], lam], [H.nz[:]], {"cse": True})
         return [(jacobian, J.sparsity()), (hessian, H.sparsity())]
 
 
@@ -148,7 +155,7 @@ def assemble_rows(
     for points in of:
         N, nr = points.number, points.rows
         y = ca.reshape(ca.mtimes(points.layout.matrix(n), z), -1, N)
-        ps = ca.repmat(p[: points.function.function.size1_in(1)], 1, N)
+        ps = ca.repmat(p[points.function.own], 1, N)
         (jacobian, J_sparsity), (hessian, H_sparsity) = derivatives(points.function)
         r, J = jacobian.map(N)(y, ps)
         H = hessian.map(N)(y, ps, ca.reshape(multipliers[first : first + N * nr], nr, N))

@@ -224,7 +224,7 @@ def _running(running: RunningCost, z: ca.MX, p: ca.MX, lam_f: ca.MX) -> tuple[ca
     points, n = running.points, running.points.number
     weights = ca.DM(running.weights).T
     y = ca.reshape(ca.mtimes(points.layout.matrix(z.numel()), z), -1, n)
-    ps = ca.repmat(p, 1, n)
+    ps = ca.repmat(p[points.function.own], 1, n)
     jacobian, sparsity = points.function.jacobian
     r, J = jacobian.map(n)(y, ps)
     nnz = sparsity.nnz()
