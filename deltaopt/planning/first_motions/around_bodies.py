@@ -88,8 +88,8 @@ def ways_around(
     driven fastest first. ``free``: the fastest motion without bodies, if it is known.
 
     First come ``first``, where that is clear of bodies, and bows of ``free``: ways that are much as
-    it is are fast. Where ``first`` is not clear, then bows of it, and bands, or the path of
-    straight lines where there are none.
+    it is are fast. Where ``first`` is not clear, then bows of it, bands of it, or the path of
+    straight lines where there are none, and bands of ``free``.
     """
     bodies = Bodies.of(scene)
     found = [Way(first, ())] if is_clear(scene, first) else []
@@ -100,6 +100,8 @@ def ways_around(
         yield _drawn_ways(scene, bodies, bows(bodies, sampled(first)))
         drawn = _drawn_ways(scene, bodies, clear_bands(bodies, sampled(first)))
         yield drawn or list(_through_passages(scene, bodies))
+        if free:
+            yield _drawn_ways(scene, bodies, clear_bands(bodies, sampled(free)))
 
 
 def _drawn_ways(scene: Scene, bodies: Bodies, paths: Iterable[Array]) -> list[Way]:
