@@ -6,8 +6,6 @@ whose lanes are four points: a processor with AVX evaluates four points in the t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import casadi as ca
 
 from deltaopt.codegen.vector_math import VECTOR_MATH
@@ -67,101 +65,46 @@ _C = {
 }
 
 
-PART = 1000
-"""Instructions in one C function. Compilers look where in all of a function to keep each value, so
-that the time that they take for a long one grows much faster than its length: for the limits of
-torque rates GCC takes a third of the time so, and a plan as long."""
-_ALONE = "__attribute__((noinline))"
-
-
-def c_function(function: ca.Function, name: str) -> str:
+def c_function(function: ca.Function, name: str, *, shared_reciprocals: bool = False) -> str:
     """C source of ``static void name(const V *x0, …, V *r0, …)`` for a CasADi function.
 
-    Raises DeltaOptError for an operation that has no C text here.
+    ``shared_reciprocals``: whether what divides several expressions is inverted once, and these are
+    multiplied by its reciprocal. A division takes as long as eight multiplications; a result may
+    differ in its last digit. Raises DeltaOptError for an operation that has no C text here.
     """
-    lines = [_instruction(function, k) for k in range(function.n_instructions())]
-    return _definition(function, name, lines)
-
-
-def in_parts(function: ca.Function, name: str, *, shared_reciprocals: bool = False) -> str:
-    """As `c_function`; a long one calls functions that are its parts, each quickly compiled.
-
-    ``shared_reciprocals``: whether what divides several expressions of a part is inverted once, and
-    these are multiplied by its reciprocal. A division takes as long as eight multiplications; a
-    result may differ in its last digit.
-    """
-    reciprocals = _shared_divisors(function) if shared_reciprocals else {}
-    lines = [
-        _divided(function, k, reciprocals[k]) if k in reciprocals else _instruction(function, k)
-        for k in range(function.n_instructions())
-    ]
-    if len(lines) <= PART:
-        return _definition(function, name, lines)
-    _keep_between_parts(function, lines)
-    arguments = ", ".join(each.split("*")[1] for each in _declared(function))
-    texts, calls = list[str](), list[str]()
-    for k in range(0, len(lines), PART):
-        part, own = f"{name}_{k}", lines[k : k + PART]
-        texts.append(f"{_ALONE} {_definition(function, part, own, 'V *restrict kept')}")
-        calls.append(f"  {part}({arguments}, w);")
-    return "\n".join([*texts, _definition(function, name, calls)])
-
-
-def _keep_between_parts(function: ca.Function, lines: list[str]) -> None:
-    """Add to instructions the text that hands what one part of them finds to others."""
-    written: dict[int, int] = {}  # the instruction that last wrote to a place of w
-    present: dict[int, int] = {}  # the part that last wrote to it, or took it over
-    kept = set[int]()
-    found = (ca.OP_INPUT, ca.OP_CONST)
-    for k in range(len(lines)):
-        operation = function.instruction_id(k)
-        for i in function.instruction_input(k) if operation not in found else ():
-            if present[i] != k // PART:
-                present[i], by = k // PART, written[i]
-                if function.instruction_id(by) in found:
-                    again = _instruction(function, by)
-                else:
-                    again = f"  w[{i}] = kept[{i}];"
-                    kept.add(by)
-                lines[k] = f"{again}\n{lines[k]}"
-        if operation != ca.OP_OUTPUT:
-            (to,) = function.instruction_output(k)
-            written[to], present[to] = k, k // PART
-    for k in kept:
-        (to,) = function.instruction_output(k)
-        lines[k] += f"\n  kept[{to}] = w[{to}];"
-
-
-def _declared(function: ca.Function) -> list[str]:
     arguments = [f"const V *x{i}" for i in range(function.n_in())]
-    return arguments + [f"V *r{i}" for i in range(function.n_out())]
-
-
-def _definition(function: ca.Function, name: str, lines: Sequence[str], *others: str) -> str:
-    declared = ", ".join([*_declared(function), *others])
-    body = "\n".join([f"  V w[{max(function.sz_w(), 1)}];", *lines])
-    return f"static void {name}({declared}) {{\n{body}\n}}\n"
+    arguments += [f"V *r{i}" for i in range(function.n_out())]
+    reciprocals = _shared_divisors(function) if shared_reciprocals else {}
+    lines = []
+    for k in range(function.n_instructions()):
+        if k in reciprocals:
+            lines += _divided(function, k, reciprocals[k])
+        else:
+            lines.append(_instruction(function, k))
+    body = "\n".join(lines)
+    work = f"  V w[{max(function.sz_w(), 1)}];"
+    return f"static void {name}({', '.join(arguments)}) {{\n{work}\n{body}\n}}\n"
 
 
 def _shared_divisors(function: ca.Function) -> dict[int, int]:
-    """For each division by what divides something else of its part too: the first by the same."""
-    divisions: dict[tuple[int, int, int], list[int]] = {}
+    """For each division by what divides something else too: the first division by the same."""
+    divisions: dict[tuple[int, int], list[int]] = {}
     written: dict[int, int] = {}  # the instruction that last wrote to a place of w
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
         if operation == ca.OP_DIV:
             divisor = function.instruction_input(k)[1]
-            divisions.setdefault((k // PART, divisor, written[divisor]), []).append(k)
+            divisions.setdefault((divisor, written[divisor]), []).append(k)
         if operation != ca.OP_OUTPUT:
             written[function.instruction_output(k)[0]] = k
     return {k: same[0] for same in divisions.values() if len(same) > 1 for k in same}
 
 
-def _divided(function: ca.Function, k: int, first: int) -> str:
+def _divided(function: ca.Function, k: int, first: int) -> list[str]:
     """C text of a division by a divisor whose ``first`` division is known."""
     (to,), (dividend, divisor) = function.instruction_output(k), function.instruction_input(k)
-    inverted = f"  const V i{k} = 1 / w[{divisor}];\n" if k == first else ""
-    return f"{inverted}  w[{to}] = w[{dividend}] * i{first};"
+    inverted = [f"  const V i{k} = 1 / w[{divisor}];"] if k == first else []
+    return [*inverted, f"  w[{to}] = w[{dividend}] * i{first};"]
 
 
 def _instruction(function: ca.Function, k: int) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deltaopt.codegen.compile import library
-from deltaopt.codegen.simd_c import LANES, VECTOR, in_parts
+from deltaopt.codegen.simd_c import LANES, VECTOR, c_function
 from deltaopt.settings import holds_numbers
 
 Array = NDArray[np.float64]
@@ -267,7 +267,7 @@ def source(function: ca.Function, *, guarded: bool = False, times: int = 1) -> s
     lines = [
         "#include <stdint.h>",
         VECTOR,
-        in_parts(function, "four", shared_reciprocals=guarded),
+        c_function(function, "four", shared_reciprocals=guarded),
         "int64_t rows(const int64_t *call) {",
         "  const int64_t n = call[0];",
         *(f"  const int64_t s{i} = call[{1 + i}];" for i in range(k)),

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from deltaopt.codegen import compile as compiling
-from deltaopt.codegen import simd_c
 from deltaopt.codegen.vectorised import _FEW, RowFunction, evaluate_rows
 
 P = np.array([2.0, 3.0])
@@ -29,10 +28,8 @@ def arrays(number: int):
     return rng.uniform(0, 1, (number, 3)), rng.normal(size=(number, 2))
 
 
-@pytest.fixture(params=["compiled", "in parts", "interpreted"])
+@pytest.fixture(params=["compiled", "interpreted"])
 def rows(request, monkeypatch):
-    if request.param == "in parts":
-        monkeypatch.setattr(simd_c, "PART", 3)
     function, plain = functions()
     if request.param == "interpreted":
         monkeypatch.setattr(compiling, "compilers", list)

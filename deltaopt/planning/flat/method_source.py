@@ -12,7 +12,7 @@ from importlib.resources import files
 
 import casadi as ca
 
-from deltaopt.codegen.simd_c import LANES, VECTOR, in_parts
+from deltaopt.codegen.simd_c import LANES, VECTOR, c_function
 from deltaopt.limits.constraints import Alike
 from deltaopt.planning.flat.point_problem import Entries, PointProblem, dense_function
 
@@ -61,11 +61,11 @@ def source(problem: PointProblem, points: int) -> str:
             _present("LOWER", [lower for _, lower in sides]),
             _components(C, len(sides), 2 * problem.coordinates),
             _present("STATE", _of_state(C, len(sides), _position_and_velocity(problem))),
-            in_parts(functions.prepare, "prepare_others"),
-            in_parts(functions.values, "values_of_others"),
-            in_parts(functions.second, "second_by_parts"),
+            c_function(functions.prepare, "prepare_others"),
+            c_function(functions.values, "values_of_others"),
+            c_function(functions.second, "second_by_parts"),
             *(
-                in_parts(function, function.name(), shared_reciprocals=True)
+                c_function(function, function.name(), shared_reciprocals=True)
                 for loop in loops
                 for function in loop.functions
             ),
