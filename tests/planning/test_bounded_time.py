@@ -9,7 +9,7 @@ import pytest
 import deltaopt
 from deltaopt.cli import main
 from deltaopt.errors import Infeasible, SceneError
-from deltaopt.planning.flat import flat_problem
+from deltaopt.planning.flat.flat_problem import FlatProblem
 from tests.limits.test_keep_out import PROBLEMS
 
 SCENE = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
@@ -60,7 +60,7 @@ def test_least_effort_in_hours():
 
 def test_other_first_motions_are_not_tried_where_a_motion_waits(monkeypatch):
     """They lead to the same plan: which waits is a first guess whatever the first motion is."""
-    monkeypatch.setattr(flat_problem, "_FINEST", 40)  # few meshes, which miss the tolerance
+    monkeypatch.setattr(FlatProblem, "finest", 40)  # few meshes, which miss the tolerance
     long = SCENE.model_copy(update={"objective": deltaopt.Effort(duration=1.0)})
     found = deltaopt.plan(long, tolerance=1e-7)
     assert not found.within_tolerance

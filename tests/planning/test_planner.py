@@ -70,8 +70,8 @@ def test_looser_tolerances_take_no_more_meshes_and_are_met(tolerance):
 
 
 def test_a_gap_that_is_not_reached_is_told(monkeypatch):
-    monkeypatch.setattr("deltaopt.planning.flat.flat_problem._FINEST", 20)
-    monkeypatch.setattr("deltaopt.planning.formulations.delta.IPOPT_FINEST", 20)
+    monkeypatch.setattr("deltaopt.planning.flat.flat_problem.FlatProblem.finest", 20)
+    monkeypatch.setattr("deltaopt.planning.formulations.delta.DeltaProblem.finest", 20)
     told = []
     planner = Planner(PICK.robot, PICK.payload, tolerance=1e-7, intervals=4, resolved_below=0.0)
     found = planner.plan(PICK.start, PICK.goal, progress=told.append)
