@@ -49,6 +49,10 @@ _BACK = -0.995
 """Cosine of the angle between two straight lines that are within a tenth of opposite."""
 CLEAR = "clear of all bodies"
 """The name of a way that comes near none."""
+_FEW = 2
+"""Ways along bows of the fastest motion without bodies: where there are fewer, as beside boards and
+at the edge of the workspace, bows of the first motion and bands of this one are looked at too. Of
+201 scenes past obstacles 12 instead of 18 are then longer than the best by 0.2 %."""
 _SAME = 0.05
 """Of the way: paths that are nowhere farther apart are the same way."""
 
@@ -88,30 +92,37 @@ def ways_around(
     driven fastest first. ``free``: the fastest motion without bodies, if it is known.
 
     First come ``first``, where that is clear of bodies, and bows of ``free``: ways that are much as
-    it is are fast. Where ``first`` is not clear, then bows of it, bands of it, or the path of
-    straight lines where there are none, and bands of ``free``.
+    it is are fast. Where ``first`` is not clear, then bands of it, or the path of straight lines
+    where there are none. Where bows are few, bows of ``first`` and bands of ``free`` come as well.
     """
-    bodies = Bodies.of(scene)
+    bodies, known = Bodies.of(scene), list[Array]()
+
+    def drawn(paths: Iterable[Array]) -> list[Way]:
+        return _drawn_ways(scene, bodies, paths, known)
+
     found = [Way(first, ())] if is_clear(scene, first) else []
-    if found or free:
-        around = bows(bodies, sampled(free)) if free else []
-        yield [*found, *_drawn_ways(scene, bodies, around)]
+    bowed = drawn(bows(bodies, sampled(free))) if free else []
+    are_few = not found and len(bowed) < _FEW
+    if are_few:
+        bowed += drawn(bows(bodies, sampled(first)))
+    yield [*found, *sorted(bowed, key=lambda way: way.motion.duration)]
     if not found:
-        yield _drawn_ways(scene, bodies, bows(bodies, sampled(first)))
-        drawn = _drawn_ways(scene, bodies, clear_bands(bodies, sampled(first)))
-        yield drawn or list(_through_passages(scene, bodies))
-        if free:
-            yield _drawn_ways(scene, bodies, clear_bands(bodies, sampled(free)))
+        yield drawn(clear_bands(bodies, sampled(first))) or list(_through_passages(scene, bodies))
+    if free and are_few:
+        yield drawn(clear_bands(bodies, sampled(free)))
 
 
-def _drawn_ways(scene: Scene, bodies: Bodies, paths: Iterable[Array]) -> list[Way]:
+def _drawn_ways(
+    scene: Scene, bodies: Bodies, paths: Iterable[Array], known: list[Array]
+) -> list[Way]:
     """The ways along paths (n, 3), m, as far as they can be driven, the fastest first; those that
-    are much the same once."""
-    known, found = list[Array](), list[Way]()
+    are much the same, or much as one that is ``known``, once."""
+    found = list[Way]()
     for path in paths:
-        if any(np.abs(path - other).max() < _SAME * bodies.way for other in known):
+        places = resampled(path)
+        if any(np.abs(places - other).max() < _SAME * bodies.way for other in known):
             continue
-        known.append(path)
+        known.append(places)
         motion = _driven(scene, path)
         if motion is not None:
             found.append(Way(motion, bodies.sides(path)))

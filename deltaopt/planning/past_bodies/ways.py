@@ -41,9 +41,10 @@ _NOTHING_TO_GAIN = 1.002
 """Of the duration of the fastest motion without bodies: a way that takes no longer on the first
 mesh, or as it is planned, is the last that is looked at. With 1 % on the first mesh a neighbouring
 problem had another way, and a duration that was longer by as much."""
-_LITTLE_TO_GAIN = 1.06
-"""Of that duration: where a plan takes no longer, no more sources of ways are looked at. With 1.12
-one of 118 scenes past obstacles more was longer than the best by 4 %; with 1.03 none less."""
+_LITTLE_TO_GAIN = 1.12
+"""Of that duration: where a plan takes no longer, bands are not looked for beside bows. Of 200
+scenes, 51 of which took longer, 7 had faster ways along bands, by 3 % to 14 %. With 1.06 one more
+of 201 scenes was as fast as the best, and plans over walls took three times as long."""
 _SLOWER = 1.5
 """By what factor the motion of a way is slowed; to a belt it takes as long as the straight line: a
 belt has left where a way ends that takes longer. It is then taken as one near the best: a method
