@@ -82,9 +82,9 @@ def needed_slowing(
 ) -> NeededSlowing:
     """By what factor k ≥ ``at_least`` the motion has to be slowed, at all instants.
 
-    ``sampled``: ``loads_inside`` of ``sample_fractions``, where these are known already.
+    ``sampled``: ``loads_inside`` of ``fractions_of`` the motion, where these are known already.
     """
-    intervals, fractions = _sampled(trajectory)
+    intervals, fractions = len(trajectory.knots) - 1, fractions_of(trajectory)
     along = loads_along(problem, trajectory)
     known = sampled or along(*everywhere(intervals, fractions))
     constraints = problem.limits.constraints
@@ -117,10 +117,10 @@ def needed_slowing(
     return needed_at_samples.beside(places)
 
 
-def _sampled(trajectory: Trajectory) -> tuple[int, Array]:
-    """How many intervals a motion has, and where to sample each of them."""
-    intervals, degree = len(trajectory.knots) - 1, trajectory.position.coefficients.shape[1] - 1
-    return intervals, sample_fractions(intervals, degree)
+def fractions_of(trajectory: Trajectory) -> Array:
+    """Where to sample each interval of a motion, as ``sample_fractions`` of its polynomials."""
+    degree = trajectory.position.coefficients.shape[1] - 1
+    return sample_fractions(len(trajectory.knots) - 1, degree)
 
 
 def _over_ridges(
@@ -251,9 +251,9 @@ class _Instants:
 
 def highest_rows(problem: Problem, trajectory: Trajectory) -> Peaks:
     """How near each constraint row comes to its bounds, 1 at a bound, between samples too."""
-    (intervals, fractions), along = _sampled(trajectory), loads_along(problem, trajectory)
+    along, fractions = loads_along(problem, trajectory), fractions_of(trajectory)
     size = problem.limits.constraints.size
-    sampled = along(*everywhere(intervals, fractions))
+    sampled = along(*everywhere(len(trajectory.knots) - 1, fractions))
     return _highest(along, lambda loads: size(loads.rows), fractions, sampled, _tails(problem))
 
 
@@ -283,7 +283,7 @@ def _highest(
 def rough_factor(problem: Problem, trajectory: Trajectory) -> float:
     """The smallest safe factor of any size by samples, limits of position left out; infinite too
     where the motion has no torques."""
-    where = everywhere(*_sampled(trajectory))
+    where = everywhere(len(trajectory.knots) - 1, fractions_of(trajectory))
     if not _mixed(problem).any():
         loads = LoadsOfMotion.of(problem, trajectory)(*where)
         return loads.needed(loads.demands.max(axis=0), at_least=0.0).factor

@@ -106,7 +106,8 @@ class Loop:
             self.journal.end(str(error))
             if isinstance(error, NotConverged):
                 return error
-            return NotConverged(str(error), "Ruled_Out", attempt.motion)  # an iterate, no scene
+            # What rules an iterate of the solver out says nothing of the scene.
+            return NotConverged(str(error), "Ruled_Out", attempt.motion)
         self.journal.end(f"{found.duration:.6g} s, gap {found.gap:.1e}", found.duration)
         return found
 

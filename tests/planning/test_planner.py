@@ -11,6 +11,7 @@ import pytest
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.mesh.error_estimate import SAFETY_FACTOR
+from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.planner import Planner, plan
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.known_limits import Limits
@@ -67,6 +68,14 @@ def test_looser_tolerances_take_no_more_meshes_and_are_met(tolerance):
     assert loose.within_tolerance
     assert sum(entry.solves for entry in loose.journal) <= len(usual.meshes)
     assert loose.iterations <= usual.iterations
+
+
+def test_accelerations_of_a_high_degree_lead_to_the_same_duration(picked):
+    """Their motions are sampled at other places than those of a low one."""
+    high = plan(PICK, transcription=PiecewiseAcceleration(4))
+    assert high.within_tolerance
+    assert verify(PICK, high.trajectory).ok
+    assert abs(high.duration / picked.duration - 1) <= high.gap + picked.gap
 
 
 def test_a_gap_that_is_not_reached_is_told(monkeypatch):

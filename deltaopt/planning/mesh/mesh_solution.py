@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from deltaopt.limits.constraints import Constraints
 from deltaopt.motion.approach_excess import approach_rows
-from deltaopt.motion.extrema import sample_fractions
 from deltaopt.motion.loads import Loads, NeededSlowing, loads_inside
 from deltaopt.motion.running_cost import cost as cost_of
 from deltaopt.motion.sure_bounds import sure_excess
-from deltaopt.motion.time_scaling import needed_slowing
+from deltaopt.motion.time_scaling import fractions_of, needed_slowing
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.bends import missed_cost
 from deltaopt.planning.mesh.constraint_tightening import (
@@ -438,7 +437,7 @@ class MeshSolution:
         """This solution with the safe factor of all instants instead of samples."""
         if self.is_exact:
             return self
-        as_sampled = len(sample_fractions(len(self.mesh))) == len(FRACTIONS)
+        as_sampled = len(fractions_of(self.trajectory)) == len(FRACTIONS)
         known = self.loads if as_sampled else None
         needed = needed_slowing(self.problem, self.trajectory, sampled=known)
         return replace(self, needed=needed, is_exact=True)

@@ -205,9 +205,8 @@ class KKTSystem:
             H = H + slopes.transpose(0, 1, 3, 2) @ stiff
         flat = self._y_slopes.reshape(n, 3 * m * k, -1)
         total = flat.transpose(0, 2, 1) @ (H @ self._y_slopes).reshape(n, 3 * m * k, -1)
-        position, velocity, _ = (
-            mesh.polynomials.at_nodes
-        )  # y is bilinear too: products of h with V and A
+        # y is bilinear too: products of h with V and A
+        position, velocity, _ = mesh.polynomials.at_nodes
         by_y, h, at_h = self._dual.by_y, at.interval_lengths(mesh), own - 1
         by_V = np.einsum("nka,k->na", by_y[..., :m], mesh.polynomials.nodes)
         pulled = position.T @ by_y[..., :m]
