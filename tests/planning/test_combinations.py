@@ -91,11 +91,13 @@ def test_rates_beside(others):
 
 
 def test_least_effort_with_rates_costs_a_little_more():
-    """The gap that is told is larger than with torques that may jump."""
-    without, found = plan(together("effort")), plan(together("rates", "effort"))
+    """And with a loose tolerance no more than is told."""
+    scene = together("rates", "effort")
+    without, found, roughly = plan(together("effort")), plan(scene), plan(scene, tolerance=1e-2)
     assert verify(found.scene, found.trajectory).failures() == []
     assert without.cost * (1 - 1e-3) < found.cost < 1.05 * without.cost
-    assert found.gap <= 2e-2
+    assert found.within_tolerance
+    assert roughly.cost <= found.cost * (1 + roughly.gap)
 
 
 MOVING = ("start state", "goal state", "belt")

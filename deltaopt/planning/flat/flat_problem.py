@@ -37,7 +37,7 @@ from deltaopt.planning.flat.interior_point import (
     Settings,
     interior_point,
 )
-from deltaopt.planning.flat.interval_points import THIRDS, Points
+from deltaopt.planning.flat.interval_points import OF_ACCELERATION, OF_JERK, Points
 from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.phases import joined, parts
 from deltaopt.planning.nlp.problem import Formulated, Guess, InteriorPoint, Solved
@@ -129,8 +129,7 @@ def compiled_flat(
     problem = equations.point_problem(cost)
     points = Points.of(transcription.points.tolist())
     if problem.derivatives == 3:
-        is_smooth = cost.rate.order == 2  # what is integrated is no jump between thirds
-        points = replace(THIRDS, weights=points.weights) if is_smooth else THIRDS
+        points = OF_JERK if cost.rate.order == 3 else OF_ACCELERATION
     method = interior_point(problem, points)
     if method is None:
         return None
@@ -145,8 +144,8 @@ _SHARED = np.array(
         [[0, 0, 0.5, 0], [0, 0, 0, 1]],
     ]
 )
-"""Which part of a multiplier at each of `THIRDS` belongs to both ends of each third, (3, 2, 4), of
-rows that are continuous there."""
+"""Which part of a multiplier at each of their points belongs to both ends of each third, (3, 2, 4),
+of rows that are continuous there."""
 _ONE_SIDED = np.array(
     [[[1, 0, 0, 0], [0, 0, 0, 0]], [[0, 1, 0, 0], [0, 0, 1, 0]], [[0, 0, 0, 0], [0, 0, 0, 1]]]
 )

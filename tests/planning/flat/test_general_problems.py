@@ -28,7 +28,7 @@ from deltaopt.planning.flat.interior_point import (
     Settings,
     interior_point,
 )
-from deltaopt.planning.flat.interval_points import THIRDS, Points
+from deltaopt.planning.flat.interval_points import OF_JERK, Points
 from deltaopt.planning.flat.method_source import source
 from deltaopt.planning.flat.point_problem import PointProblem
 from tests.oracles.point_motion import (
@@ -124,7 +124,7 @@ class Case:
     @property
     def imposed(self) -> Points:
         """Where limits are imposed: at four points unless the case says others."""
-        return self.points or (FOUR if self.system.pieces == 2 else THIRDS)
+        return self.points or (FOUR if self.system.pieces == 2 else OF_JERK)
 
 
 def rest(*x: float) -> End:
@@ -417,7 +417,7 @@ def test_a_point_without_mass(derivatives, expected):
     y, none = ca.SX.sym("y", derivatives + 2), ca.SX(0, 1)
     row = y[derivatives] / y[-1] ** derivatives
     problem = PointProblem(1, derivatives, y, none, none, none, row, (BOTH,))
-    method = interior_point(problem, FOUR if derivatives == 2 else THIRDS)
+    method = interior_point(problem, FOUR if derivatives == 2 else OF_JERK)
     assert method is not None
     line = np.linspace(0, 1, 5)[:, None]
     knots = np.hstack([line, 1 + 0 * line, 0 * line])[:, :derivatives]
