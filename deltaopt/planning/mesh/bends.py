@@ -6,6 +6,10 @@ the best fit to a smooth function misses it by the term of degree d + 1. How lar
 derivatives of neighbouring intervals tell: between their middles they differ by the next derivative
 times the distance. The cost being quadratic in the torques, their rates or the jerk, and least on
 the mesh, it is higher by the square of what was missed.
+
+Where torques may not jump they begin and end with those that hold the robot. The best ones leave
+these at once, or as fast as a limit allows: what an end's interval bends by is missed in all of it,
+as by a straight line that falls to zero from there.
 """
 
 from __future__ import annotations
@@ -22,9 +26,14 @@ from deltaopt.problem.problem import Objective
 Array = NDArray[np.float64]
 
 
-def missed_cost(trajectory: Trajectory, objective: Objective) -> Array:
+_END = 1 / sqrt(3)
+"""Root of the mean square of a straight line that falls from 1 to 0."""
+
+
+def missed_cost(trajectory: Trajectory, objective: Objective, jumping: int) -> Array:
     """The estimated excess of the integral in an objective over that of the best motion, in each
-    interval, (N,), in the unit of the integral."""
+    interval, (N,), in the unit of the integral. ``jumping``: which derivative of the position may
+    jump at knots."""
     rate = objective.rate
     position, lengths = trajectory.position, np.diff(trajectory.knots)
     degree = position.coefficients.shape[1] - 1 - rate.order
@@ -36,6 +45,8 @@ def missed_cost(trajectory: Trajectory, objective: Objective) -> Array:
     largest = np.maximum(beside[1:], beside[:-1])
     n = degree + 1
     missed = largest * lengths[:, None] ** n * (factorial(n) / factorial(2 * n) / sqrt(2 * n + 1))
+    if jumping > rate.order:
+        missed[[0, -1]] = _END * largest[[0, -1]] * lengths[[0, -1], None] ** 2
     if rate is Running.JERK:
         return np.asarray((missed**2).sum(axis=1) * lengths)
     middle = trajectory.inside_intervals(np.array([0.5]))

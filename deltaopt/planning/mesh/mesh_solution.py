@@ -196,7 +196,7 @@ class MeshSolution:
         """This solution with what it costs that polynomials do not bend as the best torques do, and
         with what limits that are exceeded cost by their price."""
         objective = self.problem.objective
-        missed = missed_cost(self.trajectory, objective)
+        missed = missed_cost(self.trajectory, objective, self.scaling.constraints.order)
         found = self._with_unused(objective.running / self.cost * missed)
         return replace(found, lost=replace(found.lost, exceeded=self._cost_of_excess))
 
