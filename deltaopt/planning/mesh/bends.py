@@ -7,7 +7,9 @@ derivatives of neighbouring intervals tell: between their middles they differ by
 times the distance. The cost being quadratic in the torques, their rates or the jerk, and least on
 the mesh, it is higher by the square of what was missed.
 
-Where torques may not jump they begin and end with those that hold the robot. The best ones leave
+Where torques may not jump, the trapezoidal rule integrates their cost (``interval_points``). To the
+integral of a² it adds that of (h a')² / 6, so that the best torques on the mesh miss those without
+it by h² a'' / 6. Such torques begin and end with those that hold the robot. The best ones leave
 these at once, or as fast as a limit allows: what an end's interval bends by is missed in all of it,
 as by a straight line that falls to zero from there.
 """
@@ -24,10 +26,9 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.problem import Objective
 
 Array = NDArray[np.float64]
-
-
-_END = 1 / sqrt(3)
-"""Root of the mean square of a straight line that falls from 1 to 0."""
+_CONTINUOUS, _END = 1 / 6, 1 / sqrt(3)
+"""What torques that may not jump miss, as a share of how far they bend within an interval; in the
+first and the last the root of the mean square of a straight line that falls from 1 to 0."""
 
 
 def missed_cost(trajectory: Trajectory, objective: Objective, jumping: int) -> Array:
@@ -44,9 +45,10 @@ def missed_cost(trajectory: Trajectory, objective: Objective, jumping: int) -> A
     beside = np.pad(next_derivative, ((1, 1), (0, 0)))
     largest = np.maximum(beside[1:], beside[:-1])
     n = degree + 1
-    missed = largest * lengths[:, None] ** n * (factorial(n) / factorial(2 * n) / sqrt(2 * n + 1))
+    share = np.full(len(lengths), factorial(n) / factorial(2 * n) / sqrt(2 * n + 1))
     if jumping > rate.order:
-        missed[[0, -1]] = _END * largest[[0, -1]] * lengths[[0, -1], None] ** 2
+        share[:], share[[0, -1]] = _CONTINUOUS, _END
+    missed = largest * (share * lengths**n)[:, None]
     if rate is Running.JERK:
         return np.asarray((missed**2).sum(axis=1) * lengths)
     middle = trajectory.inside_intervals(np.array([0.5]))
