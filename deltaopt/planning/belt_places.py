@@ -63,7 +63,11 @@ class PlacesOnBelt:
         return cls(scene, goal, planned) if isinstance(goal, MovingPoint) else None
 
     def plan(self) -> Plan | None:
-        """The plan that waits and then meets the belt as soon as possible, if there is one."""
+        """The plan that waits and then meets the belt as soon as possible, or without waiting when
+        a given duration is over, if there is one."""
+        given = self.scene.objective.given_duration
+        if given is not None:
+            return self._plan(given)
         times = Meetings.of(self.scene, self.goal).durations
         if not len(times):
             return None
@@ -106,6 +110,8 @@ class PlacesOnBelt:
         plan = self.planned(self.scene.model_copy(update={"goal": state}))
         if not isinstance(plan, Plan):
             return None
+        if self.scene.objective.given_duration is not None:
+            return plan_as_it_is(self.scene, plan.trajectory, plan.tolerance, plan.formulation)
         moving = plan.trajectory.position
         wait = time - plan.duration
         if wait < _LEAST_WAIT * plan.duration:

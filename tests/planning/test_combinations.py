@@ -13,6 +13,7 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.moving_ends import end_in
 from deltaopt.scene.scene import Scene
 from studies.problems import PROBLEMS
+from studies.triples.drawn import drawn
 
 ROBOT = load_scene(PROBLEMS / "keep_out" / "wall_25_305_25.yaml").robot
 PLAIN = {"payload": 1.0, "start": [0.85, -0.1525, 0.0], "goal": [0.85, 0.1525, 0.0]}
@@ -107,6 +108,15 @@ def test_gaps_of_least_effort_with_rates_are_large_enough(moving, cost):
     assert roughly.within_tolerance
     assert roughly.cost <= nearly.cost * (1 + roughly.gap)
     assert nearly.gap <= 2e-4
+
+
+def test_least_effort_meets_a_belt_past_bodies_when_the_duration_is_over():
+    """Waiting for the belt, as in least time, would take another duration."""
+    effort = {"objective": Effort(duration=0.2117)}
+    scene = drawn(77, 18).model_copy(update=effort)
+    found = plan(scene)
+    assert found.within_tolerance
+    assert verify(scene, found.trajectory).failures() == []
 
 
 MOVING = ("start state", "goal state", "belt")

@@ -59,3 +59,11 @@ def missed_cost(trajectory: Trajectory, objective: Objective, jumping: int) -> A
         more[:, k] += missed[:, k]
         squares += (torques(middle.x, middle.v, more) - middle.tau) ** 2 @ objective.motors
     return squares * lengths
+
+
+def hidden_cost(trajectory: Trajectory, hidden: Array, at: Array, objective: Objective) -> Array:
+    """How much the integral of torques squared changes in each interval, (N,), N²m²s, where a mesh
+    sees torques smaller by ``hidden``, (N · fractions, motors), N·m, at fractions ``at``."""
+    tau, lengths = trajectory.inside_intervals(at).tau, np.diff(trajectory.knots)
+    change = ((tau**2 - (tau - hidden) ** 2) @ objective.motors).reshape(len(lengths), -1)
+    return np.asarray(np.abs(np.trapezoid(change, at, axis=1)) * lengths)

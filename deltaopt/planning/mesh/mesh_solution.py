@@ -16,7 +16,7 @@ from deltaopt.motion.running_cost import cost as cost_of
 from deltaopt.motion.sure_bounds import sure_excess
 from deltaopt.motion.time_scaling import fractions_of, needed_slowing
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.mesh.bends import missed_cost
+from deltaopt.planning.mesh.bends import hidden_cost, missed_cost
 from deltaopt.planning.mesh.constraint_tightening import (
     Bulge,
     Overshoot,
@@ -36,6 +36,7 @@ from deltaopt.planning.mesh.error_estimate import (
 from deltaopt.planning.nlp.phases import FacePhases
 from deltaopt.planning.nlp.problem import Formulated, Guess, Program, Solved
 from deltaopt.planning.nlp.scaling import Scaling
+from deltaopt.planning.nlp.softening import Softening
 from deltaopt.problem.problem import Problem
 
 Array = NDArray[np.float64]
@@ -67,9 +68,10 @@ def solve_on_mesh(program: Program, scaling: Scaling, guess: Guess) -> MeshSolut
     mesh = program.mesh if solution.mesh is None else solution.mesh
     lost = _lost(mesh, solution, loads, slowing, scaling.constraints)
     unused = lost.total
-    if scaling.softening is not None and solution.widths is not None:
+    soft = scaling.softening
+    if soft is not None and solution.widths is not None:
         rows, control = loads.rows.copy(), scaling.constraints.is_control
-        rows[:, control] = scaling.softening.resolved(
+        rows[:, control] = soft.resolved(
             problem, trajectory, solution.widths, FRACTIONS, rows[:, control]
         )
         resolved = replace(loads, rows=rows)
@@ -80,6 +82,8 @@ def solve_on_mesh(program: Program, scaling: Scaling, guess: Guess) -> MeshSolut
     )
     if problem.objective.running:
         found = found.with_cost_of_bends()
+        if soft is not None and solution.widths is not None and problem.objective.rate.order == 2:
+            found = found.with_cost_of_softness(soft, solution.widths)
     if scaling.constraints.slid_along.any():
         found = found.with_price_of_sliding()
     return found.with_sure_bounds() if scaling.constraints.has_convex else found
@@ -199,6 +203,17 @@ class MeshSolution:
         missed = missed_cost(self.trajectory, objective, self.scaling.constraints.order)
         found = self._with_unused(objective.running / self.cost * missed)
         return replace(found, lost=replace(found.lost, exceeded=self._cost_of_excess))
+
+    def with_cost_of_softness(self, soft: Softening, widths: Array) -> MeshSolution:
+        """This solution with what it costs that torques are not those that its mesh sees, on which
+        friction changes its sign over ``widths``, rad/s, (N, motors)."""
+        objective = self.problem.objective
+        hidden = soft.hidden(self.problem, self.trajectory, widths, FRACTIONS)
+        lost = hidden_cost(self.trajectory, hidden, FRACTIONS, objective)
+        lost *= objective.running / self.cost
+        at_least = soft.is_least(widths).all(axis=1)
+        found = self._with_unused(np.where(at_least, 0.0, lost))
+        return replace(found, unused=found.unused + float(lost[at_least].sum()))
 
     @cached_property
     def _cost_of_excess(self) -> Array:

@@ -110,7 +110,21 @@ class Softening:
             soft = np.tanh(speeds / wide)
             covered = self.covers * (1 - (speed / wide) ** 2) * share * (1 - soft**2)
             found = (found + share * (soft - np.tanh(speeds / speed))) / (1 - covered)
-        return np.where(each < _NEARLY * self.least, found, rows)
+        return np.where(self.is_least(each), found, rows)
+
+    def is_least(self, widths: Array) -> NDArray[np.bool]:
+        """Which ``widths`` are the least there are, so that no finer mesh has smaller ones."""
+        return widths < _NEARLY * self.least
+
+    def hidden(self, problem: Problem, motion: Trajectory, widths: Array, at: Array) -> Array:
+        """By how much torques of a motion are larger than a mesh of such ``widths`` sees them, at
+        fractions ``at`` of all intervals, (N · fractions, motors), N·m."""
+        speeds = _speeds(motion, at)
+        each = np.repeat(widths, len(at), axis=0)
+        found = np.zeros(speeds.shape)
+        for speed, most in problem.model.layers:
+            found += most * (np.tanh(speeds / speed) - np.tanh(speeds / np.maximum(speed, each)))
+        return found
 
 
 def _least(problem: Problem) -> float:

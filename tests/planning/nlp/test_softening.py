@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from deltaopt import Effort, plan
 from deltaopt.planning.effort_planning import fastest
 from deltaopt.planning.flat.equations import point_equations
 from deltaopt.planning.nlp.softening import Softening
@@ -38,6 +39,14 @@ def test_a_plan_is_of_the_friction_that_was_asked_for():
     assert plan.within_tolerance
     assert verify(DRIVE, plan.trajectory).ok
     assert abs(plan.duration / finer.duration - 1) < plan.gap + finer.gap + 1e-3
+
+
+def test_the_gap_of_least_effort_knows_what_meshes_do_not_see():
+    """The torques that count have friction as it is."""
+    scene = DRIVE.model_copy(update={"objective": Effort(duration=0.24)})
+    roughly, nearly = plan(scene, tolerance=1e-2), plan(scene, tolerance=1e-4)
+    assert roughly.within_tolerance
+    assert roughly.cost <= nearly.cost * (1 + roughly.gap)
 
 
 def test_softer_on_longer_intervals_and_never_below_the_least():
