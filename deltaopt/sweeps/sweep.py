@@ -17,8 +17,7 @@ from deltaopt.files.atomic_write import atomic_write, require_replaceable
 from deltaopt.files.csv_table import csv_text
 from deltaopt.files.output_folder import locked
 from deltaopt.sweeps.points import Points
-from deltaopt.sweeps.row import Row
-from deltaopt.sweeps.run import Start, on, processes, rows
+from deltaopt.sweeps.run import Row, Start, on, processes, rows
 from deltaopt.sweeps.sweep_file import Sweep, load_sweep
 
 PARQUET = ".parquet"
