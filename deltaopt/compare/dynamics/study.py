@@ -7,7 +7,6 @@ many states in one call, each model in turn in every round.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -23,10 +22,8 @@ from deltaopt.compare.dynamics.timing import Run, Time, interleaved
 from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.mechanism import Mechanism
+from deltaopt.files.progress_bar import Progress
 from deltaopt.mechanisms.delta.mechanism import delta
-
-Progress = Callable[[float, str], None]
-"""Told how much is done (0 to 1) and what comes next."""
 
 REFERENCE = ("L_E", "closed form")
 """The model whose time is 1."""

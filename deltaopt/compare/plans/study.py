@@ -7,7 +7,7 @@ is left, linear algebra above all. Building and compiling are not in them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import inf, isfinite
 from time import perf_counter
@@ -20,6 +20,7 @@ from deltaopt.compare.plans.measures import Meter, Quality
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.errors import NotConverged
+from deltaopt.files.progress_bar import Progress
 from deltaopt.planning.formulations.choice import Flat, Forward, ProblemFormulation, Redundant
 from deltaopt.planning.formulations.collocation import FAR, NEAR, CollocationProblem, Equations
 from deltaopt.planning.formulations.loop_closure import (
@@ -31,9 +32,6 @@ from deltaopt.planning.formulations.loop_closure import (
 from deltaopt.planning.mesh.error_estimate import ErrorEstimate
 from deltaopt.planning.nlp.program import IpoptSolution, Program
 from deltaopt.planning.nlp.transcription import LINEAR, QUADRATIC, PiecewiseAcceleration
-
-Progress = Callable[[float, str], None]
-"""Told how much is done (0 to 1) and what comes next."""
 
 UNIFORM = (10, 20, 40)
 """Intervals of the uniform meshes, from the baseline; those after them have knots where the
