@@ -24,7 +24,7 @@ def _public() -> dict[str, str]:
 _PUBLIC = _public()
 __all__ = sorted(name for name, module in _PUBLIC.items() if module != "deltaopt.research")
 PLACES |= _PUBLIC | {  # what a plan offers that is the work of other rooms
-    "save_plan": "deltaopt.report.plan_folder",
+    "save_plan": "deltaopt.report.folders",
     "frame": "deltaopt.output.plan_files",
     "plot_limit": "deltaopt.plots.limits",
     "sensitivity": "deltaopt.sensitivity.sensitivity",

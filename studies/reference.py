@@ -10,21 +10,17 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from inspect import getdoc
 from pathlib import Path
+from typing import Any, get_args, get_origin
 
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.validated_record import Record
 from deltaopt.files.yaml_file import read_yaml
-from deltaopt.output.starting_files import (
-    ROBOT,
-    ROBOT_EXTRAS,
-    SCENE,
-    SCENE_EXTRAS,
-    Key,
-    keys_of,
-)
+from deltaopt.output.starting_files import ROBOT_FILE, SCENE_FILE, text_of
 from deltaopt.robot.robot import Robot
+from deltaopt.scene.objective import EXPECTED_DURATION
 from deltaopt.scene.scene import Scene
 from studies.problems import PROBLEMS
 
@@ -44,6 +40,17 @@ The tool's point moves from `start` to `goal`; it is the platform's centre if no
 What limits mean: [limits](limits.md). What goes together: [combinations](combinations.md). With the
 key `cycle` instead of `goal` a file is a [cycle](cycles.md#keys), which explains its keys `cycle`,
 `dwell`, `period` and `limits.rms_torque`; [cell.yaml](../problems/cycles/cell.yaml) has most."""
+_BESIDE: dict[str, tuple[Any, str]] = {
+    "duration": (None, f"{EXPECTED_DURATION}: of a motion of least effort, jerk or torque rates"),
+    "tool": (Robot.model_fields["tool"].annotation, "instead of the robot's"),
+}
+"""Types and meanings of the keys of a scene that its record takes apart before it reads them."""
+_NO_KEYS = ("least_payload", "planned_links")
+"""Fields of a scene that no file gives."""
+_FILES = ("robot",)
+"""Keys of a scene whose values are files."""
+_LINE = re.compile(r"((?:  )*)#?(\w+):(?: (?! #)(.*?))?(?:  # (.*))?$")
+"""A line of a file to start from: indentation, key, example and meaning."""
 
 
 def pages() -> dict[str, str]:
@@ -53,10 +60,12 @@ def pages() -> dict[str, str]:
         "robot-keys.md": _page(
             "Keys of a robot file",
             f"{_ROBOT} {_explained(Robot)}",
-            _rows(Robot, {**ROBOT, **ROBOT_EXTRAS}, robots, ""),
+            _rows(Robot, _examples(ROBOT_FILE), robots, ""),
         ),
         "scene-keys.md": _page(
-            "Keys of a scene file", _SCENE, _rows(Scene, {**SCENE, **SCENE_EXTRAS}, scenes, "")
+            "Keys of a scene file",
+            _SCENE,
+            _rows(Scene, _examples(SCENE_FILE), scenes, ""),
         ),
     }
 
@@ -118,6 +127,63 @@ def _explained(record: type[Record]) -> str:
     text = re.sub(r"\s*\bRaises [^.]*\.", "", told).replace("``", "`")
     text = re.sub(r"(?<=\.)(\s)None\b", r"\1Absent", text)
     return re.sub(r"\bNone\b", "absent", text).strip()
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key of a file: its ``name``, what it may be, the ``inner`` record that stands under it if
+    it is a mapping of keys of its own, its ``default`` and whether it is ``required``."""
+
+    name: str
+    expected: str
+    inner: type[Record] | None
+    default: object
+    required: bool
+
+
+def keys_of(record: type[Record]) -> Iterator[Key]:
+    """The keys that a file may have where it describes such a record, in their order."""
+    for name, field in record.model_fields.items():
+        if record is Scene and name in _NO_KEYS:
+            continue
+        inner = None if name in _FILES else _record_in(field.annotation)
+        required = field.is_required()
+        default = None if required else field.default
+        yield Key(name, str(field.description), inner, default, required)
+    if record is Scene:
+        for name, (annotation, expected) in _BESIDE.items():
+            yield Key(name, expected, _record_in(annotation), None, False)
+
+
+def _record_in(annotation: Any) -> type[Record] | None:
+    """The record that a field's type is, or may be; None for other types, and for those that are
+    one of several records and told apart by what stands there."""
+    found = _records_in(annotation)
+    return found[0] if len(found) == 1 else None
+
+
+def _records_in(annotation: Any) -> list[type[Record]]:
+    if get_origin(annotation) is tuple:  # a list of records is written as a whole
+        return []
+    if isinstance(annotation, type) and issubclass(annotation, Record):
+        return [annotation]
+    return [record for each in get_args(annotation) for record in _records_in(each)]
+
+
+def lines_in(text: str) -> dict[str, tuple[str, str]]:
+    """The example and the meaning in each line of a file to start from that has a key, used or
+    commented out, by the dotted key; empty where there is none."""
+    found, above = dict[str, tuple[str, str]](), list[str]()
+    for line in filter(None, map(_LINE.match, text.splitlines())):
+        indented, key, example, meaning = line.groups(default="")
+        above = [*above[: len(indented) // 2], key]
+        found[".".join(above)] = example, meaning
+    return found
+
+
+def _examples(name: str) -> dict[str, str]:
+    """Those of a file to start from."""
+    return {place: example for place, (example, _) in lines_in(text_of(name)).items() if example}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

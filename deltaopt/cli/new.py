@@ -14,7 +14,7 @@ import argparse
 
 from deltaopt.cli.arguments import folder
 from deltaopt.cli.streams import print_written
-from deltaopt.output.starting_files import CELL, write_starting_files
+from deltaopt.output.starting_files import CELL_FILE, SCENE_FILE, write_starting_files
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    text = CELL if arguments.cell else None
+    text = CELL_FILE if arguments.cell else SCENE_FILE
     robot, scene = write_starting_files(arguments.directory, text)
     print_written([robot, scene], ())
     check = "" if arguments.cell else f"deltaopt check {scene} and "

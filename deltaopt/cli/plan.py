@@ -78,8 +78,7 @@ from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt, Solver
 from deltaopt.planning.nlp.transcription import TRANSCRIPTIONS
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import Planner, plan
-from deltaopt.report.cycle_folder import save_cycle
-from deltaopt.report.plan_folder import save
+from deltaopt.report.folders import save, save_cycle
 from deltaopt.scene.cycle import Cycle, there_and_back
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene

@@ -208,8 +208,8 @@ def _rows(arguments: argparse.Namespace, joints: Joints) -> ForeignTable:
             "angles are taken as the model's; with --controller-angles as the controller's, which "
             "have the zero and sign of the robot's joints"
         )
-    unit = UNITS[arguments.unit or "rad"]
-    return rows.in_model(unit.per_radian, joints if arguments.controller_angles else Joints())
+    per_radian = UNITS[arguments.unit or "rad"]
+    return rows.in_model(per_radian, joints if arguments.controller_angles else Joints())
 
 
 def _sentence(excess: Excess) -> str:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from deltaopt.errors import DeltaOptError, Inexpressible
+from deltaopt.files.progress_bar import Progress
 from deltaopt.files.tables import text_table
 from deltaopt.files.validated_record import Record
 from deltaopt.mechanisms.delta.arm_loads import FRICTION
@@ -22,7 +23,6 @@ from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify
 
-Progress = Callable[[float, str], None]
 TOLERANCE = 1e-4
 """Of the plans, as a share of their durations: coarser drowns the effect of small terms, and finer
 meshes do not converge where Coulomb friction changes its sign within a fraction of a millisecond.

@@ -10,6 +10,9 @@ from typing import Any, TextIO
 
 WIDTH = 30
 
+Progress = Callable[[float, str], None]
+"""Is called with the share that is done, 0 to 1, and a text, such as what comes next."""
+
 
 @dataclass
 class ProgressBar:

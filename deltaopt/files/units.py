@@ -17,52 +17,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import lru_cache
+from importlib.resources import files
 from math import inf, pi
 from sys import float_info
 from typing import Any
 
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
-
-_DEFINITIONS = """
-micro- = 1e-6 = µ- = μ- = u-
-milli- = 1e-3 = m-
-centi- = 1e-2 = c-
-deci- = 1e-1 = d-
-kilo- = 1e3 = k-
-mega- = 1e6 = M-
-
-metre = [length] = m = meter
-gram = [mass] = g
-second = [time] = s = sec
-radian = [angle] = rad
-
-percent = 0.01
-tonne = 1000 * kilogram = t
-pound = 0.45359237 * kilogram = lb
-ounce = pound / 16 = oz
-inch = 2.54 * centimetre = in
-foot = 12 * inch = ft
-minute = 60 * second = min
-hour = 60 * minute = h
-standard_gravity = 9.80665 * metre / second ** 2 = g_n
-newton = kilogram * metre / second ** 2 = N
-kilogram_force = kilogram * standard_gravity = kgf = kilopond = kp
-pound_force = pound * standard_gravity = lbf
-ounce_force = ounce * standard_gravity = ozf
-joule = newton * metre = J
-watt = joule / second = W
-newton_metre = newton * metre = Nm
-newton_centimetre = newton * centimetre = Ncm
-newton_metre_second = newton * metre * second = Nms
-turn = 6.283185307179586476925286766559 * radian = _ = rev = revolution
-degree = turn / 360 = deg
-gradian = turn / 400 = grad = gon
-revolutions_per_minute = turn / minute = rpm
-revolutions_per_second = turn / second = rps
-"""
-"""Every unit that is understood, in pint's notation; most take the prefixes above. A list of our
-own, since in pint's the radian is the number 1, and Nm a unit of yarn."""
 
 _NUMBER = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]{1,3})?)(.*)", re.DOTALL)
 _POWER = r"(?:[^\W\d_]+(?:_[^\W\d_]+)*(?:\*\*-?[1-9])?)"
@@ -182,11 +143,12 @@ def _in_pints_notation(unit: str) -> str:
 
 @lru_cache(maxsize=1)
 def _registry() -> Any:
-    """The units that are understood."""
+    """The units that are understood, those of units.txt."""
     import pint
 
     registry: Any = pint.UnitRegistry(None, non_int_type=Decimal)
-    registry.load_definitions(_DEFINITIONS.strip().splitlines())
+    text = (files("deltaopt.files") / "units.txt").read_text(encoding="utf-8")
+    registry.load_definitions(text.splitlines())
     return registry
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.files.output_folder import write_texts
 from deltaopt.output.joint_table import Interpolation, JointTable
-from deltaopt.output.table_files import AngleUnit
+from deltaopt.output.table_files import UNITS
 
 BLEND = 1e-6
 """Longest time, s, in which an acceleration goes from one side of a jump to the other. PLCs have
@@ -72,15 +72,15 @@ class Cams:
 
     master: Array
     slaves: tuple[Array, Array, Array]
-    unit: AngleUnit
+    unit: str
     remarks: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, table: JointTable, unit: AngleUnit, speed: float) -> Cams:
+    def of(cls, table: JointTable, unit: str, speed: float) -> Cams:
         """Of a table in the controller's angles; ``speed``: of the master, its units per second."""
         smooth = without_jumps(table)
         columns = (smooth.theta, smooth.dtheta, smooth.ddtheta)
-        values = [unit.per_radian * each / speed**k for k, each in enumerate(columns)]
+        values = [UNITS[unit] * each / speed**k for k, each in enumerate(columns)]
         master = speed * (smooth.t - smooth.t[0])
         return cls(master, (values[0], values[1], values[2]), unit, table.remarks)
 
@@ -129,7 +129,7 @@ def _pieces(cams: Cams) -> Iterator[str]:
 
 def _twincat(cams: Cams, name: str) -> Iterator[str]:
     number = len(cams.master)
-    yield f"(* Cams of {name}, slaves in {cams.unit.name}. Written by deltaopt."
+    yield f"(* Cams of {name}, slaves in {cams.unit}. Written by deltaopt."
     yield "   To load one, for example of motor 1:"
     yield "   table.pArray := ADR(aMotor1); table.ArraySize := SIZEOF(aMotor1);"
     yield "   table.TableType := MC_TABLETYPE_MOTIONFUNCTION;"
@@ -151,7 +151,7 @@ def _twincat(cams: Cams, name: str) -> Iterator[str]:
 
 def _codesys(cams: Cams, name: str) -> Iterator[str]:
     number = len(cams.master)
-    yield f"(* Cams of {name}, slaves in {cams.unit.name}. Written by deltaopt."
+    yield f"(* Cams of {name}, slaves in {cams.unit}. Written by deltaopt."
     yield "   Before use, for each motor: camMotor1.pce := ADR(aMotor1);"
     yield "   then MC_CamTableSelect and MC_CamIn. *)"
     yield "VAR_GLOBAL"

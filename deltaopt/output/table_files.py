@@ -8,7 +8,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import import_module
 from math import pi
 from pathlib import Path
@@ -32,17 +32,8 @@ _BAG_VERSION = 9
 """Of the bag's metadata, as ROS 2 Humble and later read it."""
 
 
-@dataclass(frozen=True)
-class AngleUnit:
-    """The unit of angles in a table: its name, and how many of it are a radian."""
-
-    name: str
-    per_radian: float
-
-
-RADIANS = AngleUnit("rad", 1.0)
-DEGREES = AngleUnit("deg", 180 / pi)
-UNITS = {each.name: each for each in (RADIANS, DEGREES)}
+UNITS = {"rad": 1.0, "deg": 180 / pi}
+"""How many of each unit that angles in a table may have are a radian, by its name."""
 
 
 def of_controller(table: JointTable, robot: Robot) -> JointTable:
@@ -56,9 +47,9 @@ def of_controller(table: JointTable, robot: Robot) -> JointTable:
     )
 
 
-def write_table(file: Path, table: JointTable, unit: AngleUnit = RADIANS) -> None:
+def write_table(file: Path, table: JointTable, unit: str = "rad") -> None:
     """Write the rows of a table as CSV with ``COLUMNS``: s, the unit, and the unit by s and s²."""
-    angles = unit.per_radian * np.hstack([table.theta, table.dtheta, table.ddtheta])
+    angles = UNITS[unit] * np.hstack([table.theta, table.dtheta, table.ddtheta])
     rows = np.hstack([table.t[:, None], angles]).tolist()
     write_csv(file, COLUMNS, rows, table.remarks)
 

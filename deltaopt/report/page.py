@@ -14,6 +14,7 @@ from html import escape
 from importlib.resources import files
 from math import isfinite
 from pathlib import Path
+from string import Template
 
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.tables import html_table
@@ -87,32 +88,15 @@ def _page(title: str, parts: Iterable[str], moving: Sequence[Moving]) -> str:
         "limit_colours": OF_LIMITS,
         "body_colours": LINE_COLOURS[:6],
     }
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy"
- content="default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:">
-<link rel="icon" href="data:,">
-<title>{escape(title)}</title>
-<style>
-{_own_file("page.css")}</style>
-</head>
-<body>
-<main>
-{"".join(parts)}
-</main>
-<script type="application/json" id="plan">{_json(drawing(moving) | colours)}</script>
-<script>
-"use strict";
-{{
-{_own_file("page.robot.js")}
-{_own_file("page.js")}}}
-</script>
-</body>
-</html>
-"""
+    return _filled(
+        "page.html",
+        title=escape(title),
+        style=_own_file("page.css"),
+        parts="".join(parts),
+        plan=_json(drawing(moving) | colours),
+        robot=_own_file("page.robot.js"),
+        script=_own_file("page.js"),
+    )
 
 
 def _limits(facts: Facts) -> list[str]:
@@ -239,43 +223,7 @@ def _figures(scenes: Sequence[Scene]) -> str:
         ),
     }
     told = "".join(f" {hint}" for hint, holds in hints.items() if holds)
-    return _FIGURES.replace(_HINT, _HINT + escape(told))
-
-
-_HINT = "Up is up. Drag to turn the robot, wheel to come closer. Dotted: the straight line."
-_FIGURES = f"""<section class="figures">
-<div class="robot-side">
-<h2>Motion</h2>
-<svg id="robot" role="img" aria-label="The robot at the instant of the time slider"></svg>
-<div class="views" role="group" aria-label="View">
-<button type="button" data-view="oblique">Oblique</button>
-<button type="button" data-view="front">Front</button>
-<button type="button" data-view="side">Side</button>
-<button type="button" data-view="top">Top</button>
-<button type="button" id="zoom" aria-pressed="false">Path only</button>
-</div>
-<p class="hint">{_HINT}</p>
-</div>
-<div class="curve-side">
-<h2>Every limit over time</h2>
-<p class="hint">As a share of its bound: 100 % is the limit, −100 % the limit in the other
-direction. Point at a chart to read it, drag to move the robot.</p>
-<div id="curves"></div>
-<h2>Which limit holds when</h2>
-<div id="bands"></div>
-</div>
-<div class="time">
-<button type="button" id="play" aria-label="Play">▶</button>
-<label for="time">Time</label>
-<input type="range" id="time" min="0" max="0" step="1" value="0">
-<output id="now" for="time"></output>
-<label for="pace">Pace</label>
-<select id="pace"><option value="0.02">1/50</option><option value="0.1" selected>1/10</option>
-<option value="0.5">1/2</option><option value="1">real</option></select>
-</div>
-<noscript><p>The drawings need JavaScript; the tables below do not.</p></noscript>
-</section>
-"""
+    return _filled("page.figures.html", told=escape(told))
 
 
 def _verification(verification: Verification) -> str:
@@ -336,3 +284,8 @@ def _json(data: object) -> str:
 
 def _own_file(name: str) -> str:
     return (files("deltaopt.report") / name).read_text(encoding="utf-8")
+
+
+def _filled(name: str, **values: str) -> str:
+    """An own file with values in place of ``${names}``."""
+    return Template(_own_file(name)).substitute(values)

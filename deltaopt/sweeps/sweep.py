@@ -16,16 +16,13 @@ from deltaopt.errors import Unusable, installed, on_one_line
 from deltaopt.files.atomic_write import atomic_write, require_replaceable
 from deltaopt.files.csv_table import csv_text
 from deltaopt.files.output_folder import locked
+from deltaopt.files.progress_bar import Progress
 from deltaopt.sweeps.points import Points
-from deltaopt.sweeps.row import Row
-from deltaopt.sweeps.run import Start, on, processes, rows
+from deltaopt.sweeps.run import Row, Start, on, processes, rows
 from deltaopt.sweeps.sweep_file import Sweep, load_sweep
 
 PARQUET = ".parquet"
 ELSEWHERE = "remove it, or write to another file with -o"
-
-Progress = Callable[[float, str], None]
-"""Is called with the share that is done, 0 to 1, and a text."""
 
 
 class OtherTable(Unusable):

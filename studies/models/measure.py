@@ -12,10 +12,9 @@ from deltaopt.codegen.compile import in_machine_code
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.models import models
 from deltaopt.compare.dynamics.samples import NEAR_HOME, PAPER, exact_samples
-from deltaopt.compare.dynamics.study import operations, renamed
+from deltaopt.compare.dynamics.study import Run, interleaved, operations, renamed
 from deltaopt.compare.dynamics.tasks import TASKS as TASKS_OF
 from deltaopt.compare.dynamics.tasks import Samples
-from deltaopt.compare.dynamics.timing import Run, interleaved
 from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.mechanism import Mechanism

@@ -9,8 +9,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from deltaopt.compare.plans.knots_at_switches import at_switches
 from deltaopt.compare.plans.measures import Meter
+from deltaopt.compare.plans.study import at_switches
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.formulations.collocation import FAR, NEAR
 from deltaopt.planning.formulations.equations import (

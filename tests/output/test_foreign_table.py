@@ -11,7 +11,7 @@ import deltaopt
 from deltaopt.cli import main
 from deltaopt.output.foreign_table import UnreadableTable, read_foreign_table
 from deltaopt.output.joint_table import CUBIC, QUINTIC, Rows, checked_table
-from deltaopt.output.table_files import DEGREES, of_controller, write_table
+from deltaopt.output.table_files import of_controller, write_table
 from deltaopt.robot.model import delta_model
 from studies.problems import ORSINO, PROBLEMS
 
@@ -41,7 +41,7 @@ def test_our_own_table_asks_for_what_the_export_said(
 ):
     """Through a file in the controller's degrees: the same peak as of the joint polynomials."""
     checked = checked_table(SCENE, picked.trajectory, Rows(1e-3), interpolation)
-    write_table(tmp_path / "table.csv", of_controller(checked.table, ROBOT), DEGREES)
+    write_table(tmp_path / "table.csv", of_controller(checked.table, ROBOT), "deg")
     words = ["--robot", str(robot), "--payload", str(SCENE.payload), "--unit", "deg"]
     words += ["--controller", interpolation.name, "--controller-angles"]
     assert main(["verify", str(tmp_path / "table.csv"), *words]) == 1
@@ -59,7 +59,7 @@ def test_angles_are_the_models_unless_said_and_that_is_said(picked, robot, tmp_p
     """A robot whose controller counts otherwise, and its own table taken for the model's."""
     table = tmp_path / "table.csv"
     checked = checked_table(SCENE, picked.trajectory, Rows(1e-3), QUINTIC)
-    write_table(table, checked.table, DEGREES)
+    write_table(table, checked.table, "deg")
     words = ["verify", str(table), "--robot", str(robot), "--unit", "deg"]
     main([*words, "--payload", "1000 g"])
     in_grams = capsys.readouterr()

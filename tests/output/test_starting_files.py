@@ -12,19 +12,17 @@ import pytest
 from deltaopt.cli import main
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.validated_record import Record
-from deltaopt.output.starting_files import (
-    ROBOT,
-    ROBOT_EXTRAS,
-    SCENE_EXTRAS,
-    robot_text,
-    scene_text,
-)
+from deltaopt.output.starting_files import ROBOT_FILE, SCENE_FILE, text_of
 from deltaopt.planning.planner import plan
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.verification import verify
+from studies.reference import keys_of as keys_by_records
+from studies.reference import lines_in
+
+ROBOT, SCENE = text_of(ROBOT_FILE), text_of(SCENE_FILE)
 
 
 def keys_of(record: type[Record]) -> set[str]:
@@ -74,14 +72,36 @@ def test_they_can_be_planned_as_they_are(tmp_path, capsys):
     assert 0.1 < found.duration < 1.0
 
 
+def told_by(
+    record: type[Record], examples: set[str], inside: str = ""
+) -> Iterator[tuple[str, str]]:
+    """The dotted keys of a record in their order, each with what the record says of it; of a key
+    without an example, below which those of its mapping stand, nothing but of a tool."""
+    for key in keys_by_records(record):
+        place = inside + key.name
+        is_whole = key.inner is None or place in examples
+        yield place, key.expected if is_whole or place == "tool" else ""
+        if not is_whole:
+            yield from told_by(key.inner, examples, f"{place}.")
+
+
+@pytest.mark.parametrize(("record", "text"), [(Robot, ROBOT), (Scene, SCENE)])
+def test_lines_say_what_the_records_say(record, text):
+    """In the same order; a record's new key, or another description, needs a line here too."""
+    lines = lines_in(text)
+    examples = {place for place, (example, _) in lines.items() if example}
+    said = [(place, meaning) for place, (_, meaning) in lines.items()]
+    assert said == list(told_by(record, examples))
+
+
 def test_every_key_is_there_with_what_it_means():
-    robot, scene = paths_of(robot_text()), paths_of(scene_text())
+    robot, scene = paths_of(ROBOT), paths_of(SCENE)
     in_lists = {"sphere", "box", "capsule", "from", "to"}  # shapes of a tool, in one line
     assert {path.split(".")[-1] for path in robot} == keys_of(Robot) - in_lists
     assert {path for path in scene if "." not in path} == set(Scene._keys())
     limits = get_args(Scene.model_fields["limits"].annotation)[0]
     assert {f"limits.{name}" for name in limits.model_fields} <= set(scene)
-    for text in (robot_text(), scene_text()):
+    for text in (ROBOT, SCENE):
         for line in text.splitlines():
             if re.match(r" *#?\w+: (?! #)", line):
                 assert re.search(r": \S.*  # \w", line), line  # an example, and what it is
@@ -100,18 +120,18 @@ OF_ORDER_3 = ("limits.torque_rate", "limits.jerk", "limits.joint_jerk")
 def test_every_example_is_accepted(tmp_path):
     written(tmp_path)
     robot, scene = tmp_path / "robot.yaml", tmp_path / "scene.yaml"
-    known = tuple(ROBOT | ROBOT_EXTRAS)
-    at_the_arm = with_keys(robot_text(), *known, without=(*OF_A_CATALOGUE, "tool.shapes"))
+    known = tuple(paths_of(ROBOT))
+    at_the_arm = with_keys(ROBOT, *known, without=(*OF_A_CATALOGUE, "tool.shapes"))
     robot.write_text(at_the_arm, encoding="utf-8")
     assert load_robot(robot).drive.rms_torque == 25.0
-    of_a_catalogue = with_keys(robot_text(), *known, without=(*AT_THE_ARM, "tool.radius"))
+    of_a_catalogue = with_keys(ROBOT, *known, without=(*AT_THE_ARM, "tool.radius"))
     robot.write_text(of_a_catalogue, encoding="utf-8")
     assert load_robot(robot).drive.gear.ratio == 20.0
-    robot.write_text(robot_text(), encoding="utf-8")
+    robot.write_text(ROBOT, encoding="utf-8")
     scene.write_text(
         with_keys(
-            scene_text(),
-            *SCENE_EXTRAS,
+            SCENE,
+            *paths_of(SCENE),
             without=("duration", "tool.shapes", "tube", "via", "approach", *OF_ORDER_3),
         ),
         encoding="utf-8",
@@ -119,10 +139,10 @@ def test_every_example_is_accepted(tmp_path):
     assert load_scene(scene).limits.torque == pytest.approx(0.85 * 65.0)
     assert (load_scene(scene).clearance, load_scene(scene).robot.tool.radius) == (0.002, 0.03)
     beside = ("duration", "via", "approach", *OF_BODIES)
-    in_a_tube = with_keys(scene_text(), *SCENE_EXTRAS, without=beside)
+    in_a_tube = with_keys(SCENE, *paths_of(SCENE), without=beside)
     scene.write_text(in_a_tube, encoding="utf-8")
     assert load_scene(scene).tube == 0.005
-    effort = with_keys(scene_text(), "objective", "duration").replace(*EFFORT)
+    effort = with_keys(SCENE, "objective", "duration").replace(*EFFORT)
     scene.write_text(effort, encoding="utf-8")
     assert load_scene(scene).objective.given_duration == 0.5
 
@@ -148,7 +168,7 @@ NEEDS_MORE = re.compile(
 """What a sentence says that tells what a key needs beside it."""
 
 
-@pytest.mark.parametrize(("name", "text"), [("robot", robot_text()), ("scene", scene_text())])
+@pytest.mark.parametrize(("name", "text"), [("robot", ROBOT), ("scene", SCENE)])
 def test_any_key_can_be_used_by_removing_its_mark_or_says_what_it_needs(name, text, tmp_path):
     written(tmp_path)
     used, refused = set(), []

@@ -86,7 +86,7 @@ class ManyDigits:
 
     @cached_property
     def _operations(self) -> dict[int, Callable[..., Number]]:
-        """CasADi's elementary operations in this arithmetic."""
+        """CasADi's elementary operations, as far as equations of mechanisms have them."""
         c, one = self.context, self.context.one
         return {
             **{code: getattr(c, name) for name, code in _CODES.items() if hasattr(c, name)},
@@ -101,17 +101,9 @@ class ManyDigits:
             ca.OP_TWICE: lambda x: x + x,
             ca.OP_POW: c.power,
             ca.OP_CONSTPOW: c.power,
-            ca.OP_FMIN: min,
-            ca.OP_FMAX: max,
-            ca.OP_COPYSIGN: lambda x, y: -c.fabs(x) if y < 0 else c.fabs(x),
             ca.OP_IF_ELSE_ZERO: lambda x, y: y if x != 0 else c.zero,
             ca.OP_LT: lambda x, y: one * (x < y),
-            ca.OP_LE: lambda x, y: one * (x <= y),
-            ca.OP_EQ: lambda x, y: one * (x == y),
-            ca.OP_NE: lambda x, y: one * (x != y),
             ca.OP_NOT: lambda x: one * (x == 0),
-            ca.OP_AND: lambda x, y: one * (x != 0 and y != 0),
-            ca.OP_OR: lambda x, y: one * (x != 0 or y != 0),
         }
 
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -17,19 +19,79 @@ from deltaopt.codegen.c_compiler import Compiler
 from deltaopt.codegen.compile import in_machine_code
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.models import Model, models
-from deltaopt.compare.dynamics.samples import NEAR_HOME, PAPER, exact_samples, rounding_error
-from deltaopt.compare.dynamics.tasks import TASKS, Task
-from deltaopt.compare.dynamics.timing import Run, Time, interleaved
+from deltaopt.compare.dynamics.samples import (
+    NEAR_HOME,
+    PAPER,
+    exact_samples,
+    relative_error,
+    rounding_error,
+)
+from deltaopt.compare.dynamics.tasks import TASKS, Samples, Task
 from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.mechanism import Mechanism
+from deltaopt.files.progress_bar import Progress
 from deltaopt.mechanisms.delta.mechanism import delta
-
-Progress = Callable[[float, str], None]
-"""Told how much is done (0 to 1) and what comes next."""
 
 REFERENCE = ("L_E", "closed form")
 """The model whose time is 1."""
+
+
+@dataclass(frozen=True)
+class Time:
+    """Median ``seconds`` per evaluation, and median ``ratio`` to a reference beside it."""
+
+    seconds: float
+    ratio: float
+
+    @property
+    def microseconds(self) -> float:
+        """Per evaluation."""
+        return 1e6 * self.seconds
+
+    @staticmethod
+    def of(own: Array, reference: Array) -> Time:
+        """Compare the times in every round with those of the reference."""
+        return Time(float(np.median(own)), float(np.median(own / reference)))
+
+
+class Run:
+    """A function evaluated on all samples in one call, without Python between them."""
+
+    def __init__(self, function: ca.Function, task: Task, samples: Samples) -> None:
+        self.count = len(samples.q)
+        parameters = np.tile(samples.parameters, (self.count, 1))
+        self._inputs = [np.ascontiguousarray(x) for x in [*task.inputs(samples), parameters]]
+        self._truth = task.truth(samples)
+        self._result = np.zeros_like(self._truth)
+        self._many = function.map(self.count)
+        self._buffer: Any
+        self._buffer, self._evaluate = self._many.buffer()
+        for i, x in enumerate(self._inputs):
+            self._buffer.set_arg(i, x.data)
+        self._buffer.set_res(0, self._result.data)
+
+    def seconds(self) -> float:
+        """Return the seconds per evaluation, once the processor's caches hold what it needs."""
+        self._evaluate()
+        start = perf_counter()
+        self._evaluate()
+        return (perf_counter() - start) / self.count
+
+    def error(self) -> Array:
+        """Return the relative error at every sample, (N,)."""
+        self._evaluate()
+        return relative_error(self._result, self._truth)
+
+
+def interleaved(runs: list[Run], rounds: int, progress: Callable[[float], None]) -> Array:
+    """Return seconds per evaluation, runs × rounds; in every round each runs once, in turn, so that
+    load falls on all alike."""
+    times = np.zeros((len(runs), rounds))
+    for k in range(rounds):
+        progress(k / rounds)
+        times[:, k] = [run.seconds() for run in runs]
+    return times
 
 
 @dataclass(frozen=True)
