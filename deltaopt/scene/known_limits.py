@@ -12,11 +12,9 @@ from pydantic import Field, create_model
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
 from deltaopt.files.validated_record import Record
-from deltaopt.limits.joint_ranges import ARM_RANGE, BallJoint
-from deltaopt.limits.keep_out import MOST_SOLIDS, KeepOut, hull_limits, place_among_rows
-from deltaopt.limits.limit import Described, Limit, MotorLimit
-from deltaopt.limits.links import LinkClearance
-from deltaopt.limits.motors import (
+from deltaopt.limits.joints import (
+    ARM_RANGE,
+    BallJoint,
     JointJerk,
     Speed,
     Torque,
@@ -24,6 +22,9 @@ from deltaopt.limits.motors import (
     TorqueRate,
     WithLeastPayload,
 )
+from deltaopt.limits.keep_out import MOST_SOLIDS, KeepOut, hull_limits, place_among_rows
+from deltaopt.limits.limit import Described, Limit, MotorLimit
+from deltaopt.limits.links import LinkClearance
 from deltaopt.limits.platform_motion import (
     PLATFORM_ACCELERATION,
     PLATFORM_JERK,

@@ -16,7 +16,7 @@ import pytest
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.limits.constraints import Constraints
-from deltaopt.limits.motors import Speed, Torque
+from deltaopt.limits.joints import Speed, Torque
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.constraint_rows import ByOrder

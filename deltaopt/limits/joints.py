@@ -1,4 +1,4 @@
-"""Limits of motors and gears at the arm: torque, speed, torque by speed, and their rates.
+"""Limits of the joints: what motors and gears give at the arms, and how far joints may turn.
 
 |τ_k| ≤ τ_max, eq. (81), may have to hold for every payload of a range: see ``WithLeastPayload``.
 
@@ -10,6 +10,9 @@ less than the peak torque hold by themselves.
 
 With a limit of order 3, of the rate of a torque or of an arm's acceleration, the acceleration of a
 motion is continuous: no drive takes a torque from one limit to the other in no time.
+
+Ranges: θ_least ≤ θ_k ≤ θ_most, where the arms' stops, cables or software ends are, and
+|q_{k,3}| ≤ β_max, how far ball joints let the bars lean out of the plane of their arm.
 """
 
 from __future__ import annotations
@@ -19,9 +22,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated
 
+import casadi as ca
+
 from deltaopt.files.units import ANGULAR_JERK, ANGULAR_SPEED, TORQUE, TORQUE_RATE
 from deltaopt.files.validated_record import PerMotor, Vector3
 from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Limit, MotorLimit, Numbers
+from deltaopt.limits.norms_and_ranges import Range
 from deltaopt.mechanisms.instant import LighterInstant
 from deltaopt.robot.machine import Machine
 
@@ -149,3 +155,27 @@ class WithLeastPayload(Limit):
 
     def rows(self, motion: Instant, numbers: SX) -> SX:
         return self.limit.rows(LighterInstant(motion, numbers[0]), numbers[1:])
+
+
+def _theta(motion: Instant) -> SX:
+    return motion.theta
+
+
+ARM_RANGE = Range("arm angle", "rad", "motor", _theta, "joints.arm")
+"""Least and largest angle of each arm."""
+
+
+class BallJoint(Limit):
+    """Largest angle of the ball joints of each chain, rad, from the robot's key ``joints.ball``."""
+
+    name, unit, subject, order = "ball joint angle", "rad", "chain", 0
+    robot_key = "joints.ball"
+
+    def bounds(self, numbers: SX) -> Bounds:
+        return Bounds.symmetric(numbers)
+
+    def measure(self, motion: Instant, numbers: SX) -> SX:
+        return ca.asin(motion.tilt)
+
+    def rows(self, motion: Instant, numbers: SX) -> SX:
+        return motion.tilt / ca.sin(numbers)  # of the platform's position it is linear
