@@ -25,7 +25,7 @@ from deltaopt import Plan, Scene, Trajectory
 from deltaopt.cli.arguments import positive
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.files.progress_bar import ProgressBar
-from deltaopt.limits.torque_curve import TorqueCurve
+from deltaopt.limits.joints import TorqueCurve
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.plots.colours import COLOURS, GREY
 from deltaopt.plots.style import figure, name_lines, verbatim

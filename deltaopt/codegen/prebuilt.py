@@ -40,15 +40,12 @@ __asm__(".symver pow,pow@GLIBC_2.2.5");
 """Asks for the names of functions that every glibc has: those of 2.29 return the same numbers."""
 
 
-def carried(source: str, folder: Path | None = None) -> Path | None:
-    """The library of a C source that was built with the wheel; None if there is none.
-
-    ``folder``: the wheel's if not given.
-    """
-    level = level_of(folder or FOLDER)
+def carried(source: str) -> Path | None:
+    """The library of a C source that was built with the wheel; None if there is none."""
+    level = level_of(FOLDER)
     if level is None:
         return None
-    library = _library(folder or FOLDER, level, source)
+    library = _library(FOLDER, level, source)
     return library if intact(library) else None
 
 

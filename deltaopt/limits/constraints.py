@@ -289,13 +289,6 @@ class Constraints:
         """Whether there are any."""
         return bool(self.convex.any())
 
-    def convex_measures(self, x: SX, numbers: SX) -> SX:
-        """The measures of these rows at a position, 3, m."""
-        motion = AnyInstant(self.motors)
-        motion.x = x
-        parts = self._convex_items(numbers)
-        return ca.vertcat(*(limit.measure(motion, own) for limit, own in parts))
-
     def alike(self, x: SX, first: int = 0) -> Iterator[Alike]:
         """The convex rows, item by item, as functions of the position x, 3, m; ``first``: where the
         numbers of the limits begin among those that ``Alike.numbers`` is about."""
@@ -313,13 +306,9 @@ class Constraints:
     def edge_radii(self) -> ca.Function:
         """Numbers of all items -> least radii of curvature of their bounds, m."""
         numbers = self.numbers()
-        radii = [limit.edge_radii(own) for limit, own in self._convex_items(numbers)]
+        items = self.with_numbers(numbers)
+        radii = [limit.edge_radii(own) for limit, own in items if isinstance(limit, ConvexLimit)]
         return ca.Function("edge_radii", [numbers], [ca.vertcat(*radii)])
-
-    def _convex_items(self, numbers: SX) -> Iterator[tuple[ConvexLimit, SX]]:
-        for limit, own in self.with_numbers(numbers):
-            if isinstance(limit, ConvexLimit):
-                yield limit, own
 
     def of_order(self, order: int) -> Integers:
         """Indices of the rows of an order."""

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
 from deltaopt.files.units import percentage
-from deltaopt.files.validated_record import PerMotor, Vector3, per_motor
+from deltaopt.files.validated_record import Vector3, per_motor
 from deltaopt.mechanisms.instant import Instant as Instant
 from deltaopt.robot.machine import Machine
 from deltaopt.robot.solids import Convex, Solid
@@ -321,23 +321,19 @@ class MotorLimit(Limit):
         return share * drive
 
     def items(self, scene: Described) -> Sequence[Numbers]:
+        """The drive's, or the scene's, which must not be more."""
         drive, given = self.of_drive(scene.robot), scene.given(self.key.name)
         if given is None:
             return [] if drive is None else [drive]
-        if drive is not None:
-            require_tighter(self, scene.robot, drive, given)
-        return [per_motor(given)]
+        each = per_motor(given)
+        if drive is not None and any(ours > its for ours, its in zip(each, drive, strict=True)):
+            most = f"{drive[0]:g}" if len(set(drive)) == 1 else ", ".join(f"{d:g}" for d in drive)
+            expected = f"at most what the drive gives, {most} {scene.robot.unit(self.unit)}"
+            raise SceneError(None, f"limits.{self.key.name}", given, expected)
+        return [each]
 
     def bounds(self, numbers: SX) -> Bounds:
         return Bounds.symmetric(numbers)
-
-
-def require_tighter(limit: MotorLimit, robot: Machine, drive: Vector3, given: PerMotor) -> None:
-    """Raise a SceneError where a scene allows more than the drive gives."""
-    if any(ours > its for ours, its in zip(per_motor(given), drive, strict=True)):
-        most = f"{drive[0]:g}" if len(set(drive)) == 1 else ", ".join(f"{d:g}" for d in drive)
-        expected = f"at most what the drive gives, {most} {robot.unit(limit.unit)}"
-        raise SceneError(None, f"limits.{limit.key.name}", given, expected)
 
 
 def first_highest(values: Array) -> int:

@@ -45,8 +45,8 @@ class Range(Limit):
     unit: str
     subject: str
     quantity: Callable[[Instant], SX]
-    robot_key: str | None = None
-    order: int = 0
+    robot_key: str
+    order = 0
 
     def bounds(self, numbers: SX) -> Bounds:
         return Bounds.between(numbers[0], numbers[1])

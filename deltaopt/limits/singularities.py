@@ -67,9 +67,7 @@ class KeptVolume(Limit):
     name: str
     volume: Literal["parallel_margin", "tilt_margin"]
     key: Key
-    unit: str = "1"
-    subject: str = "robot"
-    order: int = 0
+    unit, subject, order = "1", "robot", 0
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         """The margin, and the sign of the volume at the start."""

@@ -22,7 +22,6 @@ from deltaopt.errors import SceneError
 from deltaopt.files.units import LENGTH
 from deltaopt.files.validated_record import (
     Number,
-    PerMotor,
     Positive,
     Record,
     Vector3,
@@ -143,7 +142,8 @@ class Machine(Record):
         speed, curve = self.drive.speed, self.drive.torque_curve
         if curve is None:
             return None if speed is None else per_motor(speed)
-        return per_motor(curve[-1][0]) if speed is None else _least(speed, curve[-1][0])
+        last = curve[-1][0]
+        return vector3(min(each, last) for each in per_motor(last if speed is None else speed))
 
     @property
     def torque_rate_limits(self) -> Vector3 | None:
@@ -154,11 +154,6 @@ class Machine(Record):
     def rms_torque(self) -> Vector3 | None:
         """The rated torque of each motor at its arm, N·m, for the RMS; None if not named."""
         return None if self.drive.rms_torque is None else per_motor(self.drive.rms_torque)
-
-
-def _least(speed: PerMotor, end_of_curve: float) -> Vector3:
-    """The lesser of two speeds for each motor."""
-    return vector3(min(each, end_of_curve) for each in per_motor(speed))
 
 
 @dataclass(frozen=True)

@@ -19,11 +19,11 @@ from deltaopt.files.validated_record import (
     per_motor,
     vector3,
 )
-from deltaopt.scene.approach import Approach
 from deltaopt.scene.moving_ends import Anywhere, Belt, End, Start, State, content_of_end
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import REST
+from deltaopt.scene.way import Approach
 
 MOST_LEGS = 100
 EXPECTED_LEGS = f"two to {MOST_LEGS} legs, each a mapping with a goal, the last of them the start"

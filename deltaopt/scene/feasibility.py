@@ -86,7 +86,7 @@ def require_links_clear(scene: Scene, name: str, point: Vector3) -> None:
         assert scene.keep_out is not None
         raise Infeasible(
             f"{name}: at {in_words(point)} m {name_of(link)} is {-1e3 * rooms[link, body]:.4g} mm "
-            f"too near to keep_out[{body}], a {scene.keep_out[body].kind}"
+            f"too near to {scene.keep_out[body].named(body)}"
         )
 
 
@@ -241,19 +241,26 @@ def perhaps_meant(scene: Scene, point: Vector3) -> str:
 def _too_near(scene: Scene, point: Vector3) -> Iterator[str]:
     """A phrase for each body that the tool is too near to at a point."""
     limits = limits_of(scene)
-    if not limits.constraints.has_convex:
+    if scene.keep_out is None:
         return
-    x, numbers = (ca.SX(ca.DM(each)) for each in (point, limits.numbers))
-    measures = np.array(ca.DM(limits.constraints.convex_measures(x, numbers))).ravel()
-    used = np.isfinite(limits.bounds[0][limits.constraints.convex])
-    for distance, (index, _) in zip(measures[used].tolist(), scene.obstacles, strict=True):
-        assert scene.keep_out is not None
-        body = f"keep_out[{index}], a {scene.keep_out[index].kind}"
+    used = limits.constraints.convex & np.isfinite(limits.bounds[0])
+    distances = _measures(scene, EndState(point))[used].tolist()
+    for distance, (index, _) in zip(distances, scene.obstacles, strict=True):
+        body = scene.keep_out[index].named(index)
         if distance < min(scene.least_clearance, 0.0) - _ROUNDING:
             yield f"overlaps {body}, by {-1e3 * distance:.4g} mm"
         elif distance < scene.least_clearance - _ROUNDING:
             asked = f"a clearance of {1e3 * scene.least_clearance:g} mm is asked for"
             yield f"is {1e3 * distance:.4g} mm from {body}, where {asked}"
+
+
+def _measures(scene: Scene, end: EndState) -> Array:
+    """The measures of all limits with the platform in a state, (rows,), each in its unit."""
+    model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
+    given = end.position, end.velocity, model.parameters, limits.numbers
+    x, v, p, numbers = (ca.SX(ca.DM(each)) for each in given)
+    motion = CoordinateInstant.general(model.functions, x, v, ca.SX.zeros(3), p, ca.SX.zeros(3))
+    return np.array(ca.DM(limits.constraints.measures(motion, numbers))).ravel()
 
 
 def exceeded(scene: Scene, end: EndState, orders: int = 3) -> Iterator[str]:
@@ -262,12 +269,8 @@ def exceeded(scene: Scene, end: EndState, orders: int = 3) -> Iterator[str]:
 
     ``orders``: of limits that count, below this one.
     """
-    model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
+    limits, found = limits_of(scene), _measures(scene, end)
     constraints, row_orders = limits.constraints, limits.constraints.orders
-    given = end.position, end.velocity, model.parameters, limits.numbers
-    x, v, p, numbers = (ca.SX(ca.DM(each)) for each in given)
-    motion = CoordinateInstant.general(model.functions, x, v, ca.SX.zeros(3), p, ca.SX.zeros(3))
-    found = np.array(ca.DM(constraints.measures(motion, numbers))).ravel()
     for row, (value, lower, upper) in enumerate(zip(found, *limits.bounds, strict=True)):
         if row_orders[row] >= orders or (end.velocity != REST and row_orders[row] > 1):
             continue

@@ -12,22 +12,31 @@ from pydantic import Field, create_model
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
 from deltaopt.files.validated_record import Record
-from deltaopt.limits.joint_ranges import ARM_RANGE, BallJoint
+from deltaopt.limits.joints import (
+    ARM_RANGE,
+    BallJoint,
+    JointJerk,
+    Speed,
+    Torque,
+    TorqueCurve,
+    TorqueRate,
+    WithLeastPayload,
+)
 from deltaopt.limits.keep_out import MOST_SOLIDS, KeepOut, hull_limits, place_among_rows
 from deltaopt.limits.limit import Described, Limit, MotorLimit
 from deltaopt.limits.links import LinkClearance
-from deltaopt.limits.platform_motion import PLATFORM_ACCELERATION, PLATFORM_SPEED
-from deltaopt.limits.rates import PLATFORM_JERK, JointJerk, TorqueRate
+from deltaopt.limits.platform_motion import (
+    PLATFORM_ACCELERATION,
+    PLATFORM_JERK,
+    PLATFORM_SPEED,
+    SPECIFIC_FORCE,
+)
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.limits.singularities import (
     PARALLEL_SINGULARITY,
     TILT_SINGULARITY,
     SerialSingularity,
 )
-from deltaopt.limits.specific_force import SPECIFIC_FORCE
-from deltaopt.limits.speed import Speed
-from deltaopt.limits.torque import Torque, WithLeastPayload
-from deltaopt.limits.torque_curve import TorqueCurve
 from deltaopt.limits.tube import MOST_PARTS, Tube, parts_of
 from deltaopt.limits.workspace import WORKSPACE_DEPTH, WORKSPACE_RADIUS, Approach
 from deltaopt.robot.machine import Machine

@@ -22,7 +22,6 @@ from deltaopt.robot.machine import Machine
 from deltaopt.robot.robot import AnyRobot
 from deltaopt.robot.solids import Convex
 from deltaopt.robot.tool import Point
-from deltaopt.scene.approach import EXPECTED_APPROACH, Approach
 from deltaopt.scene.bodies import EXPECTED_BODIES, Body, solids_about, sums
 from deltaopt.scene.known_limits import (
     LIMITS,
@@ -57,9 +56,11 @@ from deltaopt.scene.path import (
 )
 from deltaopt.scene.rotation import Rotation
 from deltaopt.scene.task import REST, EndState, Goal, MovingEnds, OnPath, RestToRest, Task
-from deltaopt.scene.via import (
+from deltaopt.scene.way import (
+    EXPECTED_APPROACH,
     EXPECTED_VIA,
     MOST_VIA,
+    Approach,
     Near,
     content_of_via,
     require_distinct,

@@ -9,7 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError, shown
+from deltaopt.files.regular_file import content_of
+from deltaopt.files.units import LENGTH, Misread
 from deltaopt.files.yaml_file import place_of, read_yaml
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.robot.solids import MOST_TRIANGLES
@@ -17,7 +20,12 @@ from deltaopt.scene.convex_hull import NoHull, convex_hull
 from deltaopt.scene.cycle import EXPECTED_LEGS, Cycle, start_after
 from deltaopt.scene.path import points_in
 from deltaopt.scene.scene import NO_KEYS, ROBOT_FILE, Scene
-from deltaopt.scene.stl import corners_in
+
+_HEADER, _COUNT = 80, 4
+_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_LARGEST_STL = 20
+"""Largest size of a file, MB: of 400,000 triangles, where bodies here have a hundred at most."""
+_STL = "an STL file, lengths in m"
 
 
 def load_scene(path: str | Path) -> Scene:
@@ -183,6 +191,43 @@ def _with_points(scene_file: Path, key: str, body: object) -> object:
         raise SceneError(scene_file, named, hull["file"], error.expected, problem, place) from None
     others = {key: value for key, value in hull.items() if key != "file"}
     return {"hull": {**others, "points": points.tolist()}}
+
+
+def corners_in(file: Path) -> Array:
+    """The distinct corners in an STL file, (N, 3), in its unit of length.
+
+    Raises SceneError where it cannot be read.
+    """
+    try:
+        content = content_of(file, _LARGEST_STL)
+    except OSError as error:
+        raise SceneError(file, "", None, _STL, str(error.strerror)) from None
+    body = content[_HEADER + _COUNT :]
+    number = int.from_bytes(content[_HEADER : _HEADER + _COUNT], "little")
+    if number and len(body) == number * _TRIANGLE.itemsize:
+        found = np.frombuffer(body, _TRIANGLE)["corners"].reshape(-1, 3).astype(float)
+    else:
+        found = _corners_of_text(content.decode("ascii", errors="replace"), file)
+    if not len(found) or not np.isfinite(found).all():
+        raise SceneError(file, "", None, _STL, "has no triangles")
+    try:
+        LENGTH.in_si(float(np.abs(found).max()))
+    except Misread as error:
+        raise SceneError(file, "", None, f"{_STL}, not mm", f"has a corner that {error}") from None
+    return np.asarray(np.unique(found, axis=0))
+
+
+def _corners_of_text(text: str, file: Path) -> Array:
+    """The numbers of all lines that begin with ``vertex``."""
+    try:
+        rows = [
+            [float(word) for word in words[1:]]
+            for words in map(str.split, text.splitlines())
+            if words and words[0].lower() == "vertex"
+        ]
+        return np.array(rows, dtype=float).reshape(-1, 3)
+    except ValueError:
+        raise SceneError(file, "", None, _STL, "is not an STL file") from None
 
 
 def _points(scene_file: Path, name: str) -> list[list[float]]:

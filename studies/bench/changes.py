@@ -17,7 +17,6 @@ from deltaopt.robot.machine import Workspace
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import as_delta
 from deltaopt.robot.tool import Tool
-from deltaopt.scene.approach import Approach, ApproachAtEnd
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.moving_ends import Anywhere, Belt, State
 from deltaopt.scene.objective import TimeAndEffort
@@ -25,6 +24,7 @@ from deltaopt.scene.parallel_singularity import distance_from_parallel
 from deltaopt.scene.path import Corners, Line, PickAndPlace
 from deltaopt.scene.rotation import Rotation
 from deltaopt.scene.scene import Scene
+from deltaopt.scene.way import Approach, ApproachAtEnd
 from studies.bench.random_scenes import singular_volumes
 
 Change = Callable[[Scene, np.random.Generator], Scene]

@@ -13,8 +13,8 @@ import pytest
 import deltaopt.scene.known_limits as known
 from deltaopt import DeltaModel, Scene, SceneError, load_robot, plan, verify
 from deltaopt.limits.constraints import MIXED, Constraints
+from deltaopt.limits.joints import Torque
 from deltaopt.limits.limit import Bounds, Limit
-from deltaopt.limits.torque import Torque
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.flat.constraint_rows import can_be_held

@@ -11,8 +11,7 @@ import pytest
 import deltaopt
 from deltaopt import DeltaModel, Scene, SceneError, load_robot, load_scene, plan, verify
 from deltaopt.dynamics.lagrange import Explicit
-from deltaopt.limits.torque import Torque, WithLeastPayload
-from deltaopt.limits.torque_curve import TorqueCurve
+from deltaopt.limits.joints import Torque, TorqueCurve, WithLeastPayload
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.instant import CoordinateInstant, PlatformInstant
 from deltaopt.robot.model import delta_model

@@ -10,8 +10,7 @@ import yaml
 
 from deltaopt.errors import SceneError
 from deltaopt.scene.convex_hull import NoHull, convex_hull
-from deltaopt.scene.scene_file import load_scene
-from deltaopt.scene.stl import corners_in
+from deltaopt.scene.scene_file import corners_in, load_scene
 from tests.limits.test_keep_out import PROBLEMS
 
 CUBE = np.array(list(product((0.0, 1.0), repeat=3)))

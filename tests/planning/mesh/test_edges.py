@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from deltaopt import plan
-from deltaopt.mechanisms.instant import PlatformInstant
+from deltaopt.mechanisms.instant import AnyInstant, PlatformInstant
 from deltaopt.motion.sure_bounds import distances_from_faces, signed_distances
 from deltaopt.planning.flat.interval_points import Points
 from deltaopt.planning.mesh.edges import phases_over_edges
@@ -67,7 +67,9 @@ def distances(scene: Scene, numbers: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Of places from the body of the first row, with other numbers."""
     constraints = limits_of(scene).constraints
     point, own = ca.SX.sym("x", 3), constraints.numbers()
-    function = ca.Function("d", [point, own], [constraints.convex_measures(point, own)])
+    motion, row = AnyInstant(constraints.motors), int(np.flatnonzero(constraints.convex)[0])
+    motion.x = point
+    function = ca.Function("d", [point, own], [constraints.measures(motion, own)[row]])
     found = function.map(len(x))(x.T, np.repeat(numbers[:, None], len(x), axis=1))
     return np.asarray(found)[0]
 

@@ -16,9 +16,8 @@ import pytest
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.limits.constraints import Constraints
+from deltaopt.limits.joints import Speed, Torque
 from deltaopt.limits.scene_limits import SceneLimits
-from deltaopt.limits.speed import Speed
-from deltaopt.limits.torque import Torque
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.flat.equations import PointEquations

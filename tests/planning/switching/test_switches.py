@@ -12,9 +12,8 @@ import pytest
 from deltaopt import load_scene, plan, verify
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.limits.constraints import Constraints
+from deltaopt.limits.joints import Speed, Torque
 from deltaopt.limits.scene_limits import SceneLimits
-from deltaopt.limits.speed import Speed
-from deltaopt.limits.torque import Torque
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.constraint_rows import ConstraintRows, constraint_rows
 from deltaopt.planning.flat.equations import PointEquations, point_equations

@@ -1,4 +1,5 @@
-"""Via points as scenes give them: points, or places within a distance of one."""
+"""What scenes give of the way between start and goal: cylinders in which a motion leaves the one
+and reaches the other, straight up and down, and via points, or places within a distance of one."""
 
 from __future__ import annotations
 
@@ -12,15 +13,37 @@ from pydantic import Field
 from deltaopt.errors import SceneError
 from deltaopt.files.units import WIDTH
 from deltaopt.files.validated_record import Positive, Record, Vector3
+from deltaopt.limits.limit import Column
 from deltaopt.robot.tool import POINT, Point
 from deltaopt.scene.task import ViaPoint
 
+EXPECTED_APPROACH = "a mapping with the keys start and goal, each {height, radius} in m"
 MOST_VIA = 100
 """Most via points: each adds a phase to the program, and so many take some ten seconds."""
 EXPECTED_VIA = (
     f"at most {MOST_VIA} points in m, passed in this order at any speed: [x, y, z], or "
     "{at, within} for any place within a distance of one"
 )
+
+
+class ApproachAtEnd(Record):
+    """Within a vertical cylinder of ``radius`` (m) about an end until ``height`` (m) above it."""
+
+    height: Annotated[Positive, WIDTH] = Field(description="a length in m, greater than 0")
+    radius: Annotated[Positive, WIDTH] = Field(description="a length in m, greater than 0")
+
+    def column(self, end: Vector3) -> Column:
+        """The cylinder about an end, m."""
+        x, y, z = end
+        return Column(y, z, self.radius, x - self.height)
+
+
+class Approach(Record):
+    """The cylinders at ``start`` and ``goal``; between them the motion stays above the lower of
+    both heights."""
+
+    start: ApproachAtEnd = Field(description="a mapping with the keys height and radius, in m")
+    goal: ApproachAtEnd = Field(description="a mapping with the keys height and radius, in m")
 
 
 class Near(Record):
