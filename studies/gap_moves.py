@@ -15,8 +15,8 @@ from deltaopt.errors import Infeasible, Unreachable
 from deltaopt.files.validated_record import Vector3
 from deltaopt.robot.drive import Drive
 from deltaopt.robot.model import DeltaModel
-from deltaopt.robot.robot import Forearm, Platform, UpperArm
 from deltaopt.scene.feasibility import check_feasible
+from studies.bench.hard_moves import robot_of
 from studies.bench.random_scenes import MARGIN, farthest_apart, points_in_workspace
 from studies.problems import INDUSTRIAL, ORSINO
 
@@ -41,34 +41,13 @@ class RobotKind:
     speed: float
 
 
-def _robot(
-    name: str,
-    radii: tuple[float, float],
-    lengths: tuple[float, float],
-    masses: tuple[float, float, float],
-    torque: float | Vector3,
-    gravity: float = 9.81,
-) -> Robot:
-    """A robot from radii of base and platform and lengths of arm and forearm (m), masses of arm,
-    forearm and platform (kg), and the torque limit (N·m)."""
-    arm, forearm, platform = masses
-    return Robot(
-        name=name,
-        base_radius=radii[0],
-        platform_radius=radii[1],
-        upper_arm=UpperArm(length=lengths[0], mass=arm),
-        forearm=Forearm(length=lengths[1], mass=forearm),
-        platform=Platform(mass=platform),
-        drive=Drive(torque=torque),
-        gravity=gravity,
-    )
-
-
-_SMALL = _robot("haptic, 0.1 m", (0.037, 0.027), (0.06, 0.103), (0.02, 0.015, 0.05), 0.3)
-_PACKER = _robot("packer", (0.2, 0.045), (0.35, 0.8), (1.2, 0.4, 0.4), 90.0)
-_LARGE = _robot("large, 2 m", (0.45, 0.1), (0.75, 1.8), (6.0, 4.0, 3.0), 600.0)
-_WEIGHTLESS = _robot("weightless", (0.1, 0.05), (0.25, 0.6), (0.3, 0.2, 0.5), 15.0, gravity=0.0)
-_UNEQUAL = _robot("unequal motors", (0.15, 0.1), (0.3, 0.55), (0.8, 0.3, 0.4), (12.0, 30.0, 20.0))
+_SMALL = robot_of("haptic, 0.1 m", (0.037, 0.027), (0.06, 0.103), (0.02, 0.015, 0.05), (0.3, None))
+_PACKER = robot_of("packer", (0.2, 0.045), (0.35, 0.8), (1.2, 0.4, 0.4), (90.0, None))
+_LARGE = robot_of("large, 2 m", (0.45, 0.1), (0.75, 1.8), (6.0, 4.0, 3.0), (600.0, None))
+_WEIGHTLESS = robot_of("weightless", (0.1, 0.05), (0.25, 0.6), (0.3, 0.2, 0.5), (15.0, None), 0.0)
+_UNEQUAL = robot_of(
+    "unequal motors", (0.15, 0.1), (0.3, 0.55), (0.8, 0.3, 0.4), ((12.0, 30.0, 20.0), None)
+)
 KINDS = (
     RobotKind(load_robot(ORSINO), 1.0, 12.0),
     RobotKind(load_robot(INDUSTRIAL), 1.0, 10.0),
@@ -91,7 +70,7 @@ def random_kind(rng: np.random.Generator) -> RobotKind:
     masses = (mass * rng.uniform(0.2, 2), mass * rng.uniform(0.1, 1), mass)
     payload = mass * rng.uniform(0.5, 2)
     torque = 9.81 * arm * (sum(masses) + payload) * rng.uniform(1, 6)
-    robot = _robot("random proportions", (base, platform), (arm, forearm), masses, torque)
+    robot = robot_of("random proportions", (base, platform), (arm, forearm), masses, (torque, None))
     return RobotKind(robot, payload, rng.uniform(0.3, 1.0) * float(np.sqrt(60 / arm)))
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Hashable, Iterable
+from concurrent.futures import Executor, as_completed
 from dataclasses import asdict, fields
 from io import StringIO
 from pathlib import Path
@@ -64,22 +65,28 @@ def kept_rows(
     key_of: Callable[[R], K],
     made: Callable[[K], R],
     progress: Callable[[int], None],
+    pool: Executor | None = None,
 ) -> list[R]:
     """A row for each key, in their order: from the file where it has one, else made and appended.
 
-    ``progress``: is called with the number of rows that are done.
+    ``progress``: is called with the number of rows that are done. ``pool``: makes rows at the same
+    time, which are appended as they come.
     """
     file.parent.mkdir(parents=True, exist_ok=True)
     known = read_rows(file, kind)
     rewrite_rows(file, known)
-    found, rows = {key_of(row): row for row in known}, []
-    for key in keys:
-        if key not in found:
-            found[key] = made(key)
-            append_rows(file, [found[key]])
-        rows.append(found[key])
-        progress(len(rows))
-    return rows
+    found, keys = {key_of(row): row for row in known}, list(keys)
+    left = [key for key in keys if key not in found]
+    progress(len(keys) - len(left))
+    if pool is None:
+        rows: Iterable[R] = map(made, left)
+    else:
+        rows = (each.result() for each in as_completed([pool.submit(made, key) for key in left]))
+    for done, row in enumerate(rows, len(keys) - len(left) + 1):
+        found[key_of(row)] = row
+        append_rows(file, [row])
+        progress(done)
+    return [found[key] for key in keys]
 
 
 def _parsed(kind: object, text: str) -> Any:

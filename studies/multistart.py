@@ -12,6 +12,7 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import count, islice
+from math import sqrt
 
 import numpy as np
 
@@ -21,7 +22,6 @@ from deltaopt.files.progress_bar import ProgressBar
 from studies.gap_moves import INSIDE, Move, move, stratum_of
 from studies.kept_rows import kept_rows
 from studies.problems import add_directory
-from studies.shares import wilson
 from studies.text_table import paragraph, table
 from studies.timed import attempted
 
@@ -181,3 +181,11 @@ def run(arguments: argparse.Namespace) -> int:
             saved = f"{row.saved:.1%} faster, {row.optima} optima"
             print(f"move {row.number} ({row.robot}, {row.stratum}): {row.failure or saved}")
     return 0
+
+
+def wilson(found: int, trials: int) -> tuple[float, float]:
+    """Return Wilson's 95 % interval of a share."""
+    z = 1.96
+    middle = (found + z**2 / 2) / (trials + z**2)
+    half = z / (trials + z**2) * sqrt(found * (trials - found) / trials + z**2 / 4)
+    return max(middle - half, 0.0), min(middle + half, 1.0)

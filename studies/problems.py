@@ -25,12 +25,15 @@ def shipped_scenes() -> list[Path]:
 
 def add_scenes(parser: argparse.ArgumentParser, default: tuple[Path, ...] = SCENES) -> None:
     """Add SCENE..., ``default`` where none is given."""
-    _add_files(parser, "scene", default)
-
-
-def add_robots(parser: argparse.ArgumentParser) -> None:
-    """Add ROBOT..., both documented ones where none is given."""
-    _add_files(parser, "robot", ROBOTS)
+    names = " ".join(file.stem for file in default)
+    parser.add_argument(
+        "scenes",
+        nargs="*",
+        type=Path,
+        default=default,
+        metavar="SCENE",
+        help=f"scene files (default: {names})",
+    )
 
 
 def add_directory(parser: argparse.ArgumentParser, name: str, what: str = "files") -> None:
@@ -43,16 +46,4 @@ def add_directory(parser: argparse.ArgumentParser, name: str, what: str = "files
         metavar="DIR",
         default=default,
         help=f"directory of {what} (default: {default})",
-    )
-
-
-def _add_files(parser: argparse.ArgumentParser, what: str, default: tuple[Path, ...]) -> None:
-    names = " ".join(file.stem for file in default)
-    parser.add_argument(
-        f"{what}s",
-        nargs="*",
-        type=Path,
-        default=default,
-        metavar=what.upper(),
-        help=f"{what} files (default: {names})",
     )

@@ -16,14 +16,13 @@ Every attempt that is not good is printed with its input; --only KIND:NUMBER mak
 from __future__ import annotations
 
 import argparse
-from concurrent.futures import ThreadPoolExecutor, as_completed
-from pathlib import Path
+from concurrent.futures import ThreadPoolExecutor
 
 from deltaopt.cli.arguments import WrongUsage, one_or_more, seed
 from deltaopt.files.progress_bar import ProgressBar
 from studies.attack.attempts import GOOD, VERDICTS, Row, row_of
 from studies.attack.kinds import COSTLY, KINDS
-from studies.kept_rows import append_rows, read_rows, rewrite_rows
+from studies.kept_rows import kept_rows
 from studies.problems import add_directory
 from studies.text_table import table
 
@@ -62,27 +61,22 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _rows(arguments: argparse.Namespace) -> list[Row]:
     """All rows: from the file of the seed, or made and appended."""
-    file: Path = arguments.directory / f"attempts_{arguments.seed}.csv"
-    file.parent.mkdir(parents=True, exist_ok=True)
-    known = read_rows(file, Row)
-    rewrite_rows(file, known)
-    found = {(row.kind, row.number): row for row in known}
     fewer = max(1, arguments.number // _CHEAPER)
     keys = [
         (kind, i)
         for kind in arguments.kinds
         for i in range(fewer if kind in COSTLY else arguments.number)
     ]
-    progress = ProgressBar().counting(len(keys), "attempts")
-    left = [key for key in keys if key not in found]
     with ThreadPoolExecutor(arguments.workers) as pool:
-        waiting = [pool.submit(row_of, KINDS, kind, arguments.seed, i) for kind, i in left]
-        for done, each in enumerate(as_completed(waiting), len(keys) - len(left) + 1):
-            row = each.result()
-            found[row.kind, row.number] = row
-            append_rows(file, [row])
-            progress(done)
-    return [found[key] for key in keys]
+        return kept_rows(
+            arguments.directory / f"attempts_{arguments.seed}.csv",
+            Row,
+            keys,
+            lambda row: (row.kind, row.number),
+            lambda key: row_of(KINDS, key[0], arguments.seed, key[1]),
+            ProgressBar().counting(len(keys), "attempts"),
+            pool,
+        )
 
 
 def _line(row: Row) -> str:

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from time import process_time
@@ -18,7 +19,6 @@ from time import process_time
 import numpy as np
 
 from deltaopt.errors import DeltaOptError
-from deltaopt.files.yaml_file import write_yaml
 from deltaopt.planning.planner import plan
 from deltaopt.scene.moving_ends import Belt
 from deltaopt.scene.scene import Scene
@@ -27,7 +27,8 @@ from studies.bench.hard_moves import Move, move
 from studies.bench.met_belts import of_belt
 from studies.bench.possible import Possibility, possibility
 from studies.bench.strata import STRATA
-from studies.kept_rows import append_rows, read_rows, rewrite_rows
+from studies.kept_rows import kept_rows
+from studies.reproduced import write_scene
 
 _THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 """Variables that say how many threads a process uses for linear algebra."""
@@ -121,9 +122,16 @@ def _without_plan(each: Move, seconds: float, error: Exception, checked: Possibi
     )
 
 
-def row_of_number(seed: int, number: int, tolerance: float) -> Row:
-    """Draw the move of a number, plan and verify it."""
-    return row_of(move(seed, number), tolerance)
+def row_of_number(folder: Path, seed: int, tolerance: float, number: int) -> Row:
+    """Draw the move of a number, plan and verify it; what fails or is refused is written as a scene
+    into a folder."""
+    each = move(seed, number)
+    row = row_of(each, tolerance)
+    if row.failed or row.refused:
+        name = f"{number:05d}_{row.robot}_{row.stratum.replace(' ', '_')}"
+        name = "".join(letter for letter in name if letter.isalnum() or letter == "_")
+        write_scene(folder / name, each.scene, f"{row.stratum}: {row.problem}")
+    return row
 
 
 def campaign(
@@ -136,23 +144,16 @@ def campaign(
 ) -> list[Row]:
     """Plan so many moves, but for those that the folder's file of the same seed and tolerance has,
     and return all rows."""
-    folder.mkdir(parents=True, exist_ok=True)
-    file = folder / f"moves_{seed}_{tolerance:g}.csv"
-    known = read_rows(file, Row)
-    rewrite_rows(file, known)  # without a row at which it was interrupted
-    rows = {row.number: row for row in known if row.number < number}
-    left = [i for i in range(number) if i not in rows]
-    progress(len(rows))
     with _one_thread_each(), ProcessPoolExecutor(workers, get_context("spawn")) as pool:
-        waiting = [pool.submit(row_of_number, seed, i, tolerance) for i in left]
-        for done in as_completed(waiting):
-            row = done.result()
-            rows[row.number] = row
-            append_rows(file, [row])
-            if row.failed or row.refused:
-                write_scene(folder, move(seed, row.number), row.problem)
-            progress(len(rows))
-    return [rows[i] for i in sorted(rows)]
+        return kept_rows(
+            folder / f"moves_{seed}_{tolerance:g}.csv",
+            Row,
+            range(number),
+            lambda row: row.number,
+            partial(row_of_number, folder, seed, tolerance),
+            progress,
+            pool,
+        )
 
 
 @contextmanager
@@ -168,17 +169,6 @@ def _one_thread_each() -> Iterator[None]:
             os.environ.pop(name)
             if value is not None:
                 os.environ[name] = value
-
-
-def write_scene(folder: Path, each: Move, problem: str) -> Path:
-    """Write a move as a scene beside its robot, so that `deltaopt plan` reproduces what failed."""
-    name = f"{each.number:05d}_{each.scene.robot.name}_{each.stratum.replace(' ', '_')}"
-    name = "".join(letter for letter in name if letter.isalnum() or letter == "_")
-    robot, file = folder / f"{name}.robot.yaml", folder / f"{name}.yaml"
-    write_yaml(robot, each.scene.robot.model_dump(mode="json", exclude_none=True))
-    content = each.scene.model_dump(mode="json", exclude_none=True)
-    write_yaml(file, {**content, "robot": robot.name}, comment=f"{each.stratum}: {problem}")
-    return file
 
 
 def table(rows: Iterable[Row]) -> str:

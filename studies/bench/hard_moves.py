@@ -23,7 +23,7 @@ _MOST_TRIES = 300
 """Random moves of which none can begin and end at rest before the search for one ends."""
 
 
-def _robot(
+def robot_of(
     name: str,
     radii: tuple[float, float],
     lengths: tuple[float, float],
@@ -47,13 +47,13 @@ def _robot(
 
 
 ROBOTS = (
-    (_robot("orsino", (0.2, 0.1), (0.2, 0.5), (0.4, 0.25, 0.3), (10.0, None)), 1.0),
-    (_robot("industrial", (0.2, 0.045), (0.235, 0.8), (1.0, 0.4, 0.5), (40.0, 10.0)), 2.0),
-    (_robot("irb360", (0.2, 0.045), (0.35, 0.8), (1.2, 0.4, 0.4), (90.0, 12.0)), 1.0),
-    (_robot("haptic", (0.037, 0.027), (0.06, 0.103), (0.02, 0.015, 0.05), (0.3, 30.0)), 0.1),
-    (_robot("big", (0.45, 0.1), (0.75, 1.8), (6.0, 4.0, 3.0), (600.0, 6.0)), 10.0),
-    (_robot("massless", (0.0, 0.0), (0.25, 0.6), (0.0, 0.0, 0.5), (15.0, 15.0), 0.0), 2.0),
-    (_robot("odd", (0.15, 0.1), (0.3, 0.55), (0.8, 0.3, 0.4), ((12.0, 30.0, 20.0), 9.0)), 1.0),
+    (robot_of("orsino", (0.2, 0.1), (0.2, 0.5), (0.4, 0.25, 0.3), (10.0, None)), 1.0),
+    (robot_of("industrial", (0.2, 0.045), (0.235, 0.8), (1.0, 0.4, 0.5), (40.0, 10.0)), 2.0),
+    (robot_of("irb360", (0.2, 0.045), (0.35, 0.8), (1.2, 0.4, 0.4), (90.0, 12.0)), 1.0),
+    (robot_of("haptic", (0.037, 0.027), (0.06, 0.103), (0.02, 0.015, 0.05), (0.3, 30.0)), 0.1),
+    (robot_of("big", (0.45, 0.1), (0.75, 1.8), (6.0, 4.0, 3.0), (600.0, 6.0)), 10.0),
+    (robot_of("massless", (0.0, 0.0), (0.25, 0.6), (0.0, 0.0, 0.5), (15.0, 15.0), 0.0), 2.0),
+    (robot_of("odd", (0.15, 0.1), (0.3, 0.55), (0.8, 0.3, 0.4), ((12.0, 30.0, 20.0), 9.0)), 1.0),
 )
 """Robots with the largest payload of their moves, kg: the paper's, the industrial one, one of
 IRB 360's proportions, a haptic one of 0.1 m, one of 2 m, one without masses in a place without
