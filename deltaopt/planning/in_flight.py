@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from math import inf
-from time import perf_counter
 
 import numpy as np
 
@@ -48,7 +47,7 @@ def finished_first(
     about how long that takes, s.
     Its gap is infinite: how much longer it is than the best is not known.
     """
-    begin, left = perf_counter(), float(under_way.knots[-1])
+    left = float(under_way.knots[-1])
     if found is not None and found.duration <= left:
         return None
     end = end_of(under_way)
@@ -71,7 +70,6 @@ def finished_first(
         scene=scene,
         trajectory=trajectory,
         intervals=len(trajectory.knots) - 1,
-        solve_seconds=perf_counter() - begin + (found.solve_seconds if found else 0.0),
         gap=inf,
         certificate=None,
         resolved=False,

@@ -119,8 +119,8 @@ class Plan:
     ``planning.mesh.gap`` says how it is estimated.
     ``tolerance``: the gap that was asked for. ``intervals``: of the last mesh. ``meshes``: a record
     of every mesh that was solved. ``status``, ``iterations``: of the solver, the latter summed over
-    all meshes. ``solve_seconds``: wall time of all of them, s. ``resolved``: whether the instants
-    of switching were found as unknowns of their own. ``certificate``: how well Pontryagin's
+    all meshes. ``solve_seconds``: wall time of planning, s. ``resolved``: whether the instants of
+    switching were found as unknowns of their own. ``certificate``: how well Pontryagin's
     necessary condition is met, by the multipliers of that solution; None if they are not known.
     ``optima``: the distinct local minima that several first guesses led to, best first; empty
     where one was enough.
@@ -149,9 +149,9 @@ class Plan:
     intervals: int
     status: str
     iterations: int
-    solve_seconds: float = field(compare=False)
     gap: float
     tolerance: float
+    solve_seconds: float = field(default=0.0, compare=False)
     meshes: tuple[Iteration, ...] | tuple[PathIteration, ...] = field(default=(), compare=False)
     certificate: Certificate | None = field(default=None, compare=False)
     resolved: bool = False
@@ -278,14 +278,13 @@ def plan_as_it_is(
         intervals=len(motion.knots) - 1,
         status=status,
         iterations=0,
-        solve_seconds=0.0,
         gap=inf,
         tolerance=tolerance,
     )
 
 
 def quicker(one: Plan, other: Plan) -> Plan:
-    """The better of two plans for a scene, with the iterations and the wall time of both.
+    """The better of two plans for a scene, with the iterations of both.
 
     Each plan bounds the least cost from below by cost / (1 + gap). If the dearer plan's
     bound is not above the better plan, both are taken to be near the same optimum, and the
@@ -297,5 +296,4 @@ def quicker(one: Plan, other: Plan) -> Plan:
         best,
         gap=min(best.gap, best.cost / least - 1) if 0 < least <= best.cost else best.gap,
         iterations=one.iterations + other.iterations,
-        solve_seconds=one.solve_seconds + other.solve_seconds,
     )

@@ -46,10 +46,14 @@ from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.in_flight import finished_first
 from deltaopt.planning.links_clear import keeping_links_clear
 from deltaopt.planning.loop import Loop, or_raise
-from deltaopt.planning.on_path import plan_of, planned_on_path
 from deltaopt.planning.past_bodies.legs import proposed_in_legs
 from deltaopt.planning.past_bodies.ways import NEARLY, at_rest, fastest_way
-from deltaopt.planning.path.path_along import fastest_along, near_corners, through_corners
+from deltaopt.planning.path.path_planning import (
+    fastest_along,
+    near_corners,
+    planned_on_path,
+    through_corners,
+)
 from deltaopt.planning.plan import Plan, TakenWay, quicker
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.known_limits import limits_of
@@ -171,7 +175,7 @@ class Run(Loop):
         are planned to be."""
         task = scene.task
         if isinstance(task, OnPath):
-            return planned_on_path(scene, task, self.optimiser.tolerance, self.journal.mesh)
+            return planned_on_path(scene, self.optimiser.tolerance, self.journal.mesh)
         if isinstance(task, MovingEnds) or task.gates:
             later = under_way if isinstance(task, MovingEnds) else None
             planned = partial(self._plan_moving, under_way=later)
@@ -343,8 +347,8 @@ class Run(Loop):
                     found.append(through)
             timed = fastest_along(scene, corners, self.optimiser.tolerance)
             if timed is not None and not scene.has_rates:
-                self.journal.note(f"on that path: {timed.trajectory.duration:.6g} s")
-                found.append(plan_of(scene, timed, self.optimiser.tolerance))
+                self.journal.note(f"on that path: {timed.duration:.6g} s")
+                found.append(timed)
         if not found:
             return found
         found = [

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import inf, isinf
-from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -145,7 +144,7 @@ class TrajectoryOptimiser:
         self, attempt: Attempt, guess: Guess, mesh: Array, scaling: Scaling, report: Progress
     ) -> Plan:
         """The plan that meshes lead to from a guess and a first mesh."""
-        begin, scene, problem = perf_counter(), attempt.scene, attempt.problem
+        scene, problem = attempt.scene, attempt.problem
         moving = not problem.is_at_rest
         is_fastest = not problem.objective.running
         refinement = Refinement(
@@ -202,7 +201,6 @@ class TrajectoryOptimiser:
             intervals=len(chosen.trajectory.knots) - 1,
             status=chosen.status,
             iterations=spent + (resolved.iterations if resolved else 0),
-            solve_seconds=perf_counter() - begin,
             gap=gap,
             tolerance=self.tolerance,
             meshes=tuple(iterations),
@@ -230,7 +228,7 @@ class TrajectoryOptimiser:
 
         Raises Infeasible if a given duration is too short or too long.
         """
-        begin, fastest = perf_counter(), self._before_effort(attempt)
+        fastest = self._before_effort(attempt)
         shortest = fastest.duration
         objective = attempt.scene.objective.after(shortest)
         scene = attempt.scene.model_copy(update={"objective": objective})
@@ -264,7 +262,7 @@ class TrajectoryOptimiser:
                 alone = objective.alone(scene.least_duration)
                 longer = scene.model_copy(update={"objective": alone})
                 found = self._plan_effort(replace(attempt, scene=longer), report)
-            return replace(found, scene=scene, solve_seconds=perf_counter() - begin)
+            return replace(found, scene=scene)
         assert failure is not None
         if given is None or given >= shortest:
             raise failure

@@ -32,7 +32,7 @@ from deltaopt.problem.problem import Problem
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.parallel_singularity import on_one_side, require_ends_on_one_side
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import OnPath, distance
+from deltaopt.scene.task import distance
 
 SLOW = 20.0
 """How many times the lower bound a straight line, of the platform or in motor angles, may take
@@ -99,9 +99,7 @@ def timed_axis(scene: Scene) -> Trajectory:
     on_path = scene.on_its_path
     if scene.keep_out is not None:
         on_path = on_path.model_copy(update={"keep_out": None, "planned_links": ()})
-    task = on_path.task
-    assert isinstance(task, OnPath)
-    return fastest_on_path(on_path, task, _OF_AXIS, lambda _: None).trajectory
+    return fastest_on_path(on_path, _OF_AXIS, lambda _: None).trajectory
 
 
 def _noted(proposals: Iterator[Proposal], found: list[Proposal]) -> Iterator[Proposal]:

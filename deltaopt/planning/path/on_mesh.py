@@ -1,4 +1,4 @@
-"""The fastest motion on a mesh of a path, and what it does between nodes.
+"""The fastest motion on a mesh of a path, what it does between nodes, and its multipliers.
 
 ``on_mesh.c`` does all of it in one call; without a compiler, arrays do the same step by step.
 """
@@ -8,6 +8,8 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from math import log
 from time import perf_counter
 from typing import Any
 
@@ -15,6 +17,7 @@ import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.piecewise import Array
+from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.planning.path.path_mesh import (
     LONGEST,
     SERIES,
@@ -22,7 +25,7 @@ from deltaopt.planning.path.path_mesh import (
     MeshMotion,
     PathMesh,
 )
-from deltaopt.planning.path.path_rows import RESTING, AffineRows, PathRows, State
+from deltaopt.planning.path.path_rows import RESTING, AffineRows, PathRows, State, kept_rows
 from deltaopt.planning.path.sweep import FASTEST, Speeds, Unattainable, compiled, swept
 from deltaopt.planning.plan import Spent
 
@@ -30,6 +33,9 @@ INSIDE = np.array([0.2, 0.5, 0.8])
 """Fractions of a cell where rows are looked at between its ends."""
 _NO_NUMBERS, _NO_MEMORY = -2, -3
 """What the compiled code returns beside what the sweep does."""
+_STEP = 1e-4
+"""Share of a bound by which it is moved to and fro: its cube is what the difference of both
+durations errs by, which sweeps know to some 1e-12."""
 
 
 @dataclass(frozen=True)
@@ -90,8 +96,7 @@ def by_arrays(
     begin = perf_counter()
     tangents = tangents_on(rows, mesh, tangency, tighter)
     before = perf_counter()
-    convex = rows.are_convex(mesh.path)
-    motion = MeshMotion.of(mesh, swept(mesh.h, tangents, *ends, convex=convex))
+    motion = MeshMotion.of(mesh, swept(mesh.h, tangents, *ends, convex=rows.are_convex))
     after = perf_counter()
     b, u = motion.at(INSIDE)
     beyond = rows.beyond(mesh.places(INSIDE), b.ravel(), u.ravel()).reshape(*b.shape, -1)
@@ -165,8 +170,7 @@ def _compiled(
     others = rows.others(mesh.ends, tangency.halfway) if len(rows.curved) else None
     more = None if others is None else np.stack(list(vars(others).values()))
     number = 0 if others is None else others.alpha.shape[1]
-    convex = int(rows.are_convex(mesh.path))
-    sizes = n, len(rows.sides), number, curve.shape[1], len(curve), convex
+    sizes = n, len(rows.sides), number, curve.shape[1], len(curve), int(rows.are_convex)
     numbers = *ends, FASTEST, SERIES, STOPPING, LONGEST, RESTING
     arrays = [mesh.path.knots, curve, mesh.nodes, *tangency.last, more, tighter, rows.bounds]
     arrays += [INSIDE, rows.parameters]
@@ -183,3 +187,51 @@ def _compiled(
     spent = Spent(perf_counter() - begin - seconds, seconds)
     beyond = rest[5 * n :].reshape(n, len(INSIDE), -1)
     return OnMesh(motion, tangency, tighter, beyond, losses, spent)
+
+
+@dataclass(frozen=True, eq=False)
+class PathMultipliers:
+    """Multipliers of the limits of the fastest motion on a mesh.
+
+    Sweeps find that motion without multipliers. By what share the duration grows as the bound of a
+    row is tightened follows from two more sweeps on the same mesh, with all that bound a little
+    further out and further in: on one mesh errors of the mesh cancel.
+
+    ``on_mesh``: that motion, and where the ``rows`` were replaced by tangents. ``ends``: ṡ² at
+    start and goal.
+    """
+
+    limits: SceneLimits
+    rows: PathRows
+    on_mesh: OnMesh
+    ends: tuple[float, float]
+
+    def of_rows(self) -> Array:
+        """By what share the duration grows per unit by which the bound of each normalised row is
+        tightened, all along the path, (rows,); NaN where no motion keeps a tighter bound."""
+        constraints = self.limits.constraints
+        kept, found = kept_rows(constraints), np.zeros(constraints.number)
+        # Rows of order 1 are swept as their squares, whose bounds move twice as much.
+        moves = np.where(constraints.orders[kept] == 1, 2.0, 1.0)
+        for k, row in enumerate(kept.tolist()):
+            found[row] = moves[k] * self._growth(k)
+        return found
+
+    def _growth(self, kept: int) -> float:
+        """d ln T by the bound of one kept row as it is swept."""
+        by = np.where(self.rows.owners == kept, _STEP, 0.0)
+        try:
+            tighter, wider = (self._log_duration(sign * by) for sign in (1, -1))
+        except Unattainable:
+            return float("nan")
+        return max(0.0, (tighter - wider) / (2 * _STEP))
+
+    def _log_duration(self, by: Array) -> float:
+        mesh, rows = self.on_mesh.motion.mesh, self._tangents.tightened(by)
+        speeds = swept(mesh.h, rows, *self.ends, convex=self.rows.are_convex)
+        return log(MeshMotion.of(mesh, speeds).duration)
+
+    @cached_property
+    def _tangents(self) -> AffineRows:
+        found = self.on_mesh
+        return tangents_on(self.rows, found.motion.mesh, found.tangency, found.tighter)

@@ -70,7 +70,7 @@ class PathMesh:
     def places(self, fractions: Array) -> Places:
         """Places at these fractions of every cell, (N · n,)."""
         since = (self.begins[:, None] + self.h[:, None] * fractions).ravel()
-        return Places.of(self.path, np.repeat(self.pieces, len(fractions)), since)
+        return self.path.with_derivatives(np.repeat(self.pieces, len(fractions)), since)
 
     @cached_property
     def ends(self) -> Places:

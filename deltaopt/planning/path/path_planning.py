@@ -1,28 +1,35 @@
-"""The fastest motion of a scene that gives its path, as a trajectory that keeps every limit."""
+"""Plans on a path that a scene gives: there is one motion, and no first guess.
+
+And motions along straight lines that are known to be clear of bodies: near their corners, or
+exactly on them but for rounded corners.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from math import isinf
 
 import numpy as np
 
-from deltaopt.errors import Infeasible, NotConverged
+from deltaopt.curves.piecewise import Array
+from deltaopt.errors import RULED_OUT, Infeasible, NotConverged, if_possible
+from deltaopt.motion.sure_bounds import signed_distances, sure_excess
 from deltaopt.motion.time_scaling import highest_rows, safe_factor
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.path.path_multipliers import PathMultipliers
+from deltaopt.planning.journal import Progress
+from deltaopt.planning.path.on_mesh import OnMesh, PathMultipliers
 from deltaopt.planning.path.path_rows import PathRows
-from deltaopt.planning.path.path_timing import PathTiming, TimedPath
-from deltaopt.planning.plan import PathIteration
+from deltaopt.planning.path.path_timing import PathTiming
+from deltaopt.planning.plan import Plan
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
 from deltaopt.scene.known_limits import limits_of
+from deltaopt.scene.parallel_singularity import require_path_on_one_side
+from deltaopt.scene.path import Corners
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath
 
-NAME = "quintic in time on the path"
-"""Of the transcription."""
+_ALONG = 1001
+"""Instants at which a path whose plan misses its tolerance is looked at for a singularity."""
 _KEPT = 1e-10
 """Excess up to which a motion that begins or ends at a speed keeps its limits: it must not be
 slowed, for that would change its boundary values."""
@@ -34,42 +41,59 @@ _ROUNDING = 1 + 2.0**-45
 """Factor by which motions are slowed to allow for rounding of torques."""
 _TOUCHED = 1e-9
 """Share of a limit of position by which a path may be beyond it: rounding."""
+_BLENDS = (0.499, 0.1, 0.01, 0.001)
+"""Where corners begin to be rounded, as shares of the shortest leg: long roundings are driven
+faster, short ones stay closer to the path."""
+_OF_ROOM = 0.9
+"""Share of the distance from all bodies at a corner, within which motions pass it."""
+_NEAREST = 1e-5
+"""m, within which no corner is passed: bodies that leave less are passed at the corner itself."""
 
 
-@dataclass(frozen=True)
-class PathMotion:
-    """A motion on a given path that keeps every limit; ``gap``: estimated relative excess of its
-    duration over the shortest possible on that path. ``multipliers``: of its limits."""
+def planned_on_path(scene: Scene, tolerance: float, report: Progress) -> Plan:
+    """The plan of the fastest motion on the path that a scene gives.
 
-    trajectory: Trajectory
-    gap: float
-    multipliers: PathMultipliers
-    iterations: tuple[PathIteration, ...]
+    Raises Infeasible, Unreachable or Singular where the path cannot be driven, and NotConverged.
+    """
+    found = fastest_on_path(scene, tolerance, report)
+    if found.gap > tolerance:  # which no mesh mends where torques grow without bound
+        position = found.trajectory.position
+        first, last = position.knots[[0, -1]].tolist()
+        require_path_on_one_side(scene, position.at(np.linspace(first, last, _ALONG)))
+    return found
 
 
-def fastest_on_path(
-    scene: Scene, task: OnPath, tolerance: float, report: Callable[[str], None]
-) -> PathMotion:
-    """The fastest motion of a scene on the path of its task.
+def fastest_on_path(scene: Scene, tolerance: float, report: Progress) -> Plan:
+    """The fastest motion of a scene on the path of its task, which keeps every limit; its gap is
+    the estimated relative excess of its duration over the shortest possible on that path.
 
     Raises Infeasible where no motion on the path keeps the limits, Unreachable and Singular where
     the path leads out of the workspace.
     """
+    task = scene.task
+    assert isinstance(task, OnPath)
     first, last = task.rates
-    timing = PathTiming(task.path, PathRows.of(scene), (first**2, last**2), tolerance, report)
+    timing = PathTiming(PathRows.of(scene), (first**2, last**2), tolerance, report)
     planned = _slowed if task.speeds == (0.0, 0.0) else _held
-    trajectory, gap, timed = planned(scene, timing)
+    trajectory, gap, on_mesh = planned(scene, timing)
     _require_positions(scene, trajectory)
     if trajectory.duration < scene.least_duration:
         trajectory = _waiting(scene, task, trajectory)
         gap = 0.0  # nothing is faster than what rotation takes
-    multipliers = PathMultipliers(
-        limits_of(scene).up_to(2),
-        timing.rows,
-        timed.on_mesh,
-        timing.ends,
+    limits = limits_of(scene).up_to(2)
+    return Plan(
+        scene=scene,
+        trajectory=trajectory,
+        formulation="path",
+        transcription="quintic in time on the path",
+        intervals=len(trajectory.knots) - 1,
+        status="Swept",
+        iterations=len(timing.iterations),
+        gap=gap,
+        tolerance=tolerance,
+        meshes=tuple(timing.iterations),
+        multipliers=PathMultipliers(limits, timing.rows, on_mesh, timing.ends),
     )
-    return PathMotion(trajectory, gap, multipliers, tuple(timing.iterations))
 
 
 def _waiting(scene: Scene, task: OnPath, trajectory: Trajectory) -> Trajectory:
@@ -84,18 +108,18 @@ def _waiting(scene: Scene, task: OnPath, trajectory: Trajectory) -> Trajectory:
     return trajectory.slowed(factor)
 
 
-def _slowed(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, TimedPath]:
+def _slowed(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, OnMesh]:
     """The fastest motion from rest to rest, slowed by what its limits are exceeded at last, its
     gap, and what it was before."""
-    best: tuple[Trajectory, float, TimedPath] | None = None
+    best: tuple[Trajectory, float, OnMesh] | None = None
     for share in _SHARES:
-        found = timing.fastest(share)
+        found, loss = timing.fastest(share)
         trajectory = Trajectory(found.motion.position, model_of(scene.robot, scene.payload))
         factor = safe_factor(problem_of(scene), trajectory) * _ROUNDING
         if isinf(factor):
             _require_positions(scene, trajectory)
             raise Infeasible("the path: somewhere on it a limit is exceeded at rest")
-        slowed = trajectory.slowed(factor), (1 + found.loss) * factor - 1, found
+        slowed = trajectory.slowed(factor), (1 + loss) * factor - 1, found
         if best is None or slowed[0].duration < best[0].duration:
             best = slowed
         if slowed[1] <= timing.tolerance:
@@ -104,7 +128,7 @@ def _slowed(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, TimedP
     return best
 
 
-def _held(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, TimedPath]:
+def _held(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, OnMesh]:
     """The fastest motion between given speeds, with all limits tightened until none is exceeded,
     its gap, and what it is on its mesh.
 
@@ -112,11 +136,11 @@ def _held(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, TimedPat
     """
     margin = 0.0
     for _ in range(_MOST_MARGINS):
-        found = timing.fastest(_SHARES[0], margin)
+        found, loss = timing.fastest(_SHARES[0], margin)
         trajectory = Trajectory(found.motion.position, model_of(scene.robot, scene.payload))
         factor = safe_factor(problem_of(scene), trajectory)
         if factor <= 1 + _KEPT:
-            return trajectory, found.loss, found
+            return trajectory, loss, found
         margin = max(2 * margin, 4 * (factor - 1))
     raise NotConverged("limits are exceeded between points of every mesh", "margin", trajectory)
 
@@ -132,3 +156,37 @@ def _require_positions(scene: Scene, trajectory: Trajectory) -> None:
     if highest[worst] > 1 + _TOUCHED:
         label = constraints.label(int(positions[worst]))
         raise Infeasible(f"the path: {label} is beyond its limit on it")
+
+
+def near_corners(scene: Scene, corners: Array) -> Scene:
+    """The scene with via points at all corners but its ends, (n, 3), m, each as wide as bodies
+    leave room."""
+    limits = limits_of(scene).up_to(2)
+    distances, _ = signed_distances(problem_of(scene), corners[1:-1])
+    room = _OF_ROOM * (distances - limits.bounds[0][limits.constraints.convex]).min(axis=1)
+    via = [
+        {"at": place, "within": within} if within > _NEAREST else place
+        for place, within in zip(corners[1:-1].tolist(), room.tolist(), strict=True)
+    ]
+    return scene.model_copy(update={"via": via})
+
+
+def through_corners(scene: Scene, corners: Array) -> Scene:
+    """The scene with via points exactly at these corners."""
+    return scene.model_copy(update={"via": corners[1:-1].tolist()})
+
+
+def fastest_along(scene: Scene, corners: Array, tolerance: float) -> Plan | None:
+    """The fastest motion on straight legs through corners, (n, 3), m, both ends among them, these
+    rounded as far as bodies allow; None if none is clear of bodies."""
+    shortest = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).min())
+    inner = tuple((x, y, z) for x, y, z in corners[1:-1].tolist())
+    for share in _BLENDS if inner else ():
+        path = Corners(points=inner, blend=share * shortest)
+        alone = scene.model_copy(update={"path": path, "keep_out": None, "clearance": None})
+        found = if_possible(RULED_OUT, fastest_on_path, alone, tolerance, lambda _: None)
+        if found is None:
+            continue
+        if sure_excess(problem_of(scene), found.trajectory.position).max() <= 0:
+            return found
+    return None

@@ -32,11 +32,14 @@ from deltaopt.robot.model import model_of
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.path import Path
 from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import OnPath
 
 Truths = NDArray[np.bool]
 _STRAIGHT = 1e-12
 """Share of the square of p″ that is across p′, below which a path counts as straight."""
 
+Places = tuple[Array, Array, Array]
+"""p and its first two derivatives by s at N places of a path, (N, 3) each."""
 State = tuple[Array, Array]
 """b and u of a motion at N places, (N,) each."""
 
@@ -46,12 +49,6 @@ linear in ṡ = √b, such as viscous friction, has no limit at rest."""
 _FAN = 12
 """Tangents around a row that is curved in u. Each costs as much as a row; with fewer the first
 motions exceed the limit by more (by 2 % with 8), and another motion is needed."""
-
-
-_AFFINE: dict[tuple[RowFunction, bytes], bool] = {}
-"""What is known of rows with the same function and parameters, those that are curved left out."""
-_MOST_KNOWN = 1024
-"""Of these, some hundred bytes each."""
 
 
 @dataclass(frozen=True)
@@ -73,28 +70,14 @@ class AffineRows:
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
-    """N places on a path: ``x``, ``dx``, ``ddx``, p and its derivatives by s, (N, 3) each."""
-
-    x: Array
-    dx: Array
-    ddx: Array
-
-    @classmethod
-    def of(cls, path: Path, pieces: Index, since: Array) -> Places:
-        """In given pieces, (N,), at s since they began, (N,)."""
-        x, dx, ddx = path.with_derivatives(pieces, since)
-        return cls(x, dx, ddx)
-
-
-@dataclass(frozen=True, eq=False)
 class PathRows:
     """The limits that a motion must keep, on a path.
 
-    ``sides``: whether each row has a lower and an upper bound, (rows, 2). ``curved``: indices of
-    those that are not affine in u.
+    ``path``: at whose beginning it is seen whether rows are affine. ``sides``: whether each row has
+    a lower and an upper bound, (rows, 2). ``curved``: indices of those that are not affine in u.
     """
 
+    path: Path
     model: Model
     function: RowFunction
     expansion: RowFunction | None
@@ -110,6 +93,7 @@ class PathRows:
         """
         limits, model = limits_of(scene).up_to(2), model_of(scene.robot, scene.payload)
         functions, constraints = model.functions, limits.constraints
+        assert isinstance(scene.task, OnPath)
         curved = _curved(functions, constraints)
         for row in kept_rows(constraints)[curved].tolist():
             if constraints.sides[row, 0]:
@@ -117,6 +101,7 @@ class PathRows:
                 expected = f"no limit beside it that bounds {name} from below by a curved row"
                 raise SceneError(None, "path", scene.task.description, expected)
         return cls(
+            scene.task.path,
             model,
             _function(functions, constraints),
             _expansion(functions, constraints) if len(curved) else None,
@@ -169,23 +154,16 @@ class PathRows:
         above = np.where(self.sides[:, 1], values, -np.inf)
         return np.asarray(np.maximum(above, np.where(self.sides[:, 0], -values, -np.inf)) - 1)
 
-    def are_affine(self, path: Path) -> bool:
+    @property
+    def are_affine(self) -> bool:
         """Whether tangents are the rows themselves, at any state."""
-        return not len(self.curved) and self.are_convex(path)
+        return not len(self.curved) and self.are_convex
 
-    def are_convex(self, path: Path) -> bool:
+    @cached_property
+    def are_convex(self) -> bool:
         """Whether tangents of rows are the rows themselves, at any state, but for rows that are
-        curved in u; judged once for all rows with the same parameters, where a first path
-        begins."""
-        key = self.function, self.parameters.tobytes()
-        if key not in _AFFINE:
-            if len(_AFFINE) >= _MOST_KNOWN:
-                _AFFINE.clear()
-            _AFFINE[key] = self._others_are_affine(path)
-        return _AFFINE[key]
-
-    def _others_are_affine(self, path: Path) -> bool:
-        first = Places.of(path, np.zeros(2, np.intp), np.zeros(2))
+        curved in u."""
+        first = self.path.with_derivatives(np.zeros(2, np.intp), np.zeros(2))
         b, u = np.array([1.0, 3.0]), np.array([0.5, -0.7])
         others = np.setdiff1d(np.arange(len(self.sides)), self.curved)
         found = self._tangents(first, b, u).only(others)
@@ -194,24 +172,20 @@ class PathRows:
 
     def _evaluated(self, places: Places, speed: Array, u: Array) -> tuple[Array, ...]:
         states = np.column_stack([speed, u])
-        results = self.function(places.x, places.dx, places.ddx, states, parameters=self.parameters)
+        results = self.function(*places, states, parameters=self.parameters)
         if not np.isfinite(results[0]).all():
             bad = np.logical_not(np.isfinite(results[0]).all(axis=1))
-            self._explain(places, speed, u, bad)
+            (x, dx, ddx), rate = (each[bad] for each in places), speed[bad][:, None]
+            # It raises what is the matter with places where there are no torques.
+            self.model.inverse_dynamics(x, dx * rate, ddx * rate**2 + dx * u[bad][:, None])
         return results
-
-    def _explain(self, places: Places, speed: Array, u: Array, bad: Array) -> None:
-        """Raise what is the matter with places where there are no torques."""
-        x, dx, ddx = (each[bad] for each in (places.x, places.dx, places.ddx))
-        rate = speed[bad][:, None]
-        self.model.inverse_dynamics(x, dx * rate, ddx * rate**2 + dx * u[bad][:, None])
 
     def _fans(self, places: Places) -> AffineRows:
         """Tangents of rows that are curved in u, where rays from rest meet their bounds and where b
         is largest: there a motion stays that follows a bend as fast as the bend allows."""
         assert self.expansion is not None
-        n = len(places.x)
-        parts = self.expansion(places.x, places.dx, places.ddx, parameters=self.parameters)
+        n = len(places[0])
+        parts = self.expansion(*places, parameters=self.parameters)
         shapes = ((n, len(self.curved), *rest) for rest in ((1,), (2,), (2, 2)))
         constant, slope, bend = (
             part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)

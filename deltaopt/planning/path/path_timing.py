@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
@@ -20,7 +19,6 @@ from deltaopt.planning.path.path_mesh import MeshMotion, PathMesh
 from deltaopt.planning.path.path_rows import PathRows
 from deltaopt.planning.path.sweep import Unattainable
 from deltaopt.planning.plan import PathIteration
-from deltaopt.scene.path import Path
 
 _FIRST, _EVEN = (24, 96, 384), 40
 """Cells of the first mesh, of others where it has no motion, and of the second, which are of equal
@@ -46,39 +44,26 @@ _CHANGE = 0.1
 """Share of the tolerance by which the duration may still change when tangents are taken anew."""
 
 
-@dataclass(frozen=True)
-class TimedPath:
-    """A motion on a path, the fastest for the rows that it was found with ``on_mesh``, and the
-    relative ``loss`` of time that is estimated for it."""
-
-    on_mesh: OnMesh
-    loss: float
-
-    @property
-    def motion(self) -> MeshMotion:
-        return self.on_mesh.motion
-
-
 @dataclass
 class PathTiming:
-    """Times a path as fast as rows allow, between given ṡ² at its ``ends``.
+    """Times the path of rows as fast as they allow, between given ṡ² at its ``ends``.
 
     ``tolerance``: relative gap of the duration. ``report``: is called with a line of text after
     every mesh. ``iterations``: of the meshes so far.
     """
 
-    path: Path
     rows: PathRows
     ends: tuple[float, float]
     tolerance: float
     report: Callable[[str], None]
     iterations: list[PathIteration] = field(default_factory=list, init=False)
 
-    def fastest(self, share: float, margin: float | None = None) -> TimedPath:
+    def fastest(self, share: float, margin: float | None = None) -> tuple[OnMesh, float]:
         """The fastest motion, on a mesh whose loss is a ``share`` of the tolerance before limits
-        are tightened. Where it may be slowed afterwards (``margin`` None) limits may be
-        exceeded between nodes by what costs little; otherwise they are tightened until none is, and
-        all by the ``margin``, a part of them, as well.
+        are tightened, and the relative loss of time that is estimated for it. Where it may be
+        slowed afterwards (``margin`` None) limits may be exceeded between nodes by what costs
+        little; otherwise they are tightened until none is, and all by the ``margin``, a part of
+        them, as well.
 
         Raises Infeasible where there is none.
         """
@@ -104,7 +89,7 @@ class PathTiming:
             loss, motion = found.losses, found.motion
             changed = abs(motion.duration / before.duration - 1)
             if loss.sum() <= enough:
-                if self._affine or changed <= _CHANGE * self.tolerance:
+                if self.rows.are_affine or changed <= _CHANGE * self.tolerance:
                     break
             else:
                 parts = np.clip(loss / (enough / 2 / len(loss)), 1.0, _MOST_PARTS**3) ** (1 / 3)
@@ -117,7 +102,7 @@ class PathTiming:
     def _first(self) -> MeshMotion:
         """The fastest motion on a first, coarse mesh; a finer one where that has none."""
         for cells in _FIRST:
-            mesh = PathMesh.first(self.path, cells)
+            mesh = PathMesh.first(self.rows.path, cells)
             guess = self._usual_speed(mesh)
             try:
                 return self._on(mesh, Tangency(guess, guess)).motion
@@ -126,8 +111,8 @@ class PathTiming:
                 obstacle = error
         raise obstacle
 
-    def _tightened(self, found: OnMesh, margin: float | None) -> TimedPath:
-        """A motion on the same mesh that hardly exceeds its limits between nodes.
+    def _tightened(self, found: OnMesh, margin: float | None) -> tuple[OnMesh, float]:
+        """A motion on the same mesh that hardly exceeds its limits between nodes, and its loss.
 
         What that costs is the difference of both durations: a limit that is tightened in one cell
         may slow the motion far beyond it.
@@ -145,7 +130,7 @@ class PathTiming:
                 more = np.clip(np.nan_to_num(step / (earlier - excess), nan=1.0), 1.0, _STRONGER)
             step = _MORE * more * np.maximum(excess, 0.0)
             by = np.minimum(by + step, _MOST_TIGHTER)
-            if not self._affine:
+            if not self.rows.are_affine:
                 tangency = self._tangency(mesh, found.motion, before)
             before = found.motion
             try:
@@ -154,8 +139,7 @@ class PathTiming:
                 self.report(f"with limits tightened: {error}")
                 break
         cost = max(found.motion.duration / raw.motion.duration - 1, 0.0)
-        loss = _SAFETY * (float(raw.losses.sum()) + cost)
-        return TimedPath(found, loss)
+        return found, _SAFETY * (float(raw.losses.sum()) + cost)
 
     def _on(self, mesh: PathMesh, tangency: Tangency, tighter: Array | None = None) -> OnMesh:
         """The fastest motion on a mesh, and what it does between nodes."""
@@ -163,13 +147,11 @@ class PathTiming:
             found = fastest_on_mesh(self.rows, mesh, tangency, self.ends, tighter)
         except Unattainable as error:
             raise Infeasible(self._obstacle(mesh, error.node)) from None
-        self._record(found)
+        motion, loss, excess = found.motion, float(found.losses.sum()), float(found.beyond.max())
+        done = PathIteration(len(motion.mesh.h), motion.duration, loss, excess, found.spent)
+        self.iterations.append(done)
+        self.report(str(done))
         return found
-
-    @cached_property
-    def _affine(self) -> bool:
-        """Whether tangents are the rows themselves."""
-        return self.rows.are_affine(self.path)
 
     def _usual_speed(self, mesh: PathMesh) -> tuple[Array, Array]:
         """b and u for tangents where no motion is known yet: the path in some tenths of a second,
@@ -180,7 +162,7 @@ class PathTiming:
     def _tangency(self, mesh: PathMesh, motion: MeshMotion, before: MeshMotion) -> Tangency:
         """At a motion and, for rows that are curved, halfway to the one before: where motions
         change to and fro about a corner of tangents the best one is there."""
-        if self._affine:
+        if self.rows.are_affine:
             usual = self._usual_speed(mesh)
             return Tangency(usual, usual)
         last = motion.states_at_ends(mesh)
@@ -192,11 +174,5 @@ class PathTiming:
     def _obstacle(self, mesh: PathMesh, node: int | None) -> str:
         if node is None:
             return "the path: its speed at the start is more than what can be slowed down in time"
-        place = in_words(self.path(mesh.nodes[node])[0])
+        place = in_words(self.rows.path(mesh.nodes[node])[0])
         return f"the path: at {place} m no speed along it keeps the limits and leads to the goal"
-
-    def _record(self, found: OnMesh) -> None:
-        motion, loss, excess = found.motion, float(found.losses.sum()), float(found.beyond.max())
-        done = PathIteration(len(motion.mesh.h), motion.duration, loss, excess, found.spent)
-        self.iterations.append(done)
-        self.report(str(done))
