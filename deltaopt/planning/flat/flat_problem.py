@@ -17,7 +17,6 @@ of the first guess, torques by their limits.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import ClassVar
@@ -40,15 +39,13 @@ from deltaopt.planning.flat.interior_point import (
 from deltaopt.planning.flat.interval_points import OF_ACCELERATION, OF_JERK, Points
 from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.phases import joined, parts
-from deltaopt.planning.nlp.problem import Formulated, Guess, InteriorPoint, Solved
+from deltaopt.planning.nlp.problem import Formulated, Guess, Solved
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.problem.boundary import Boundary as Asked
 
 Array = NDArray[np.float64]
 
-Ends = tuple[Boundary, Boundary]
-_FAST = InteriorPoint()
 
 FAR = Settings(barrier=0.2, closest=0.3)
 NEAR = Settings(barrier=0.1, closest=0.01)
@@ -94,25 +91,23 @@ def boundary(asked: Asked, scaling: Scaling, accuracy: float = 0.0) -> Boundary:
     return Boundary(state, free, scaling.velocity(asked.belt), radius)
 
 
-def ends(scaling: Scaling) -> Ends:
-    """Where the motion begins and ends, in scaled units."""
-    return boundary(scaling.problem.start, scaling), boundary(scaling.problem.goal, scaling)
-
-
 @dataclass(frozen=True)
 class FlatEquations:
     """The equations of the flat problem, compiled, from which problems on meshes are made.
 
     ``by_ipopt``: the same problem for Ipopt, which is tried where the method does not converge;
-    None where acceleration is continuous, which it has no equations for. ``together``: how many
-    intervals are one of the method.
+    None where acceleration is continuous, which it has no equations for.
     """
 
     method: CompiledMethod
     transcription: PiecewiseAcceleration
     cost: Cost
     by_ipopt: Formulated | None
-    together: int = 1
+
+    @property
+    def together(self) -> int:
+        """How many intervals of a mesh are one of the method: the thirds of its cubics."""
+        return 3 if self.method.problem.derivatives == 3 else 1
 
     def __call__(self, mesh: Array) -> FlatProblem:
         """The problem on a mesh of interval lengths, (N,), fractions of the duration."""
@@ -131,10 +126,7 @@ def compiled_flat(
     if problem.derivatives == 3:
         points = OF_JERK if cost.rate.order == 3 else OF_ACCELERATION
     method = interior_point(problem, points)
-    if method is None:
-        return None
-    together = 3 if problem.derivatives == 3 else 1
-    return FlatEquations(method, transcription, cost, by_ipopt, together)
+    return None if method is None else FlatEquations(method, transcription, cost, by_ipopt)
 
 
 _SHARED = np.array(
@@ -191,13 +183,13 @@ class FlatProblem:
             begins = ALMOST, *begins
         elif guess.on_its_mesh:
             begins = CLOSE, *begins
+        ends, cost = (scaling.problem.start, scaling.problem.goal), self.equations.cost
         for begin in begins:
             settings = replace(begin, tolerance=guess.tolerance, rows=guess.rows)
             given = guess if begin is ALMOST else replace(guess, multipliers=None)
             phases = self._phases(given, scaling, parameters)
+            start, goal = (boundary(end, scaling) for end in ends)
             between = (boundary(gate, scaling, settings.row_tolerance) for gate in scaling.gates)
-            start, goal = ends(scaling)
-            cost = self.equations.cost
             found = self.equations.method.solve(
                 phases,
                 [start, *between, goal],
@@ -206,7 +198,7 @@ class FlatProblem:
                 sum_is_given=cost.duration_is_given and len(phases) > 1,
             )
             if found.solved:
-                return self._solved(found, phases, scaling, settings.row_tolerance)
+                return self._solved(found, scaling, settings.row_tolerance)
             if found.iterations >= _CREEPING:
                 break
         sooner_else = guess.near or guess.is_trial  # on another mesh, or from another motion
@@ -232,7 +224,7 @@ class FlatProblem:
         if self.equations.together > 1:
             mesh = joined(mesh, self.equations.together)
             shares = shares.reshape(len(mesh), self.equations.together, -1).min(axis=1)
-        known = None if prices is None else self._known(total, prices)
+        known = np.empty(0) if prices is None else self._known(total, prices)
         if not scaling.gates:
             states = self._states(motion, scaling, 0.0, motion.duration, mesh)
             p, share = scaling.parameters(parameters), np.ascontiguousarray(shares)
@@ -251,10 +243,9 @@ class FlatProblem:
             T, lengths = end - begin, mesh[own] / mesh[own].sum()
             states = self._states(motion, scaling, begin, T, lengths)
             share = np.ascontiguousarray(shares[own])
-            of_own = None if known is None else known[own]
             soft = _widths(motion, scaling, mesh)[own]
             time = T / scaling.time
-            phases.append(Phase(lengths, p, share, states, time, multipliers=of_own, own=soft))
+            phases.append(Phase(lengths, p, share, states, time, multipliers=known[own], own=soft))
         return phases
 
     def _states(
@@ -272,20 +263,15 @@ class FlatProblem:
         of_thirds = prices.reshape(-1, 3, 2, prices.shape[2])
         return np.asarray(np.einsum("tep,ntem->npm", _SHARED > 0, of_thirds))
 
-    def _solved(
-        self,
-        found: InteriorPointSolution,
-        given: Sequence[Phase],
-        scaling: Scaling,
-        accuracy: float,
-    ) -> Solved:
+    def _solved(self, found: InteriorPointSolution, scaling: Scaling, accuracy: float) -> Solved:
         """The solution as one motion, on a mesh whose fractions phases have changed."""
         smaller_spheres = 2 * accuracy * found.sphere_multipliers.sum()  # what they cost
         times, states = [np.zeros(1)], list[Array]()
-        own = found.phases[0].duration if len(given) == 1 else 1.0  # a motion's own unit of time
-        for phase, guess in zip(found.phases, given, strict=True):
-            begin, mesh, T = times[-1][-1], guess.mesh, phase.duration / own
-            times.append(begin + T * mesh.cumsum())
+        is_one = len(found.phases) == 1
+        own = found.phases[0].duration if is_one else 1.0  # a motion's own unit of time
+        for phase in found.phases:
+            begin, T = times[-1][-1], phase.duration / own
+            times.append(begin + T * phase.mesh.cumsum())
             knots = phase.knots.reshape(len(phase.knots), -1, 3)
             knots = knots / T ** np.arange(self.equations.method.problem.derivatives)[:, None]
             states.append(knots[1:] if states else knots)
@@ -308,8 +294,8 @@ class FlatProblem:
             found.spent,
             all_at_points=True,
             left=float(found.left + smaller_spheres / found.cost),
-            widths=np.concatenate([phase.own for phase in given]),
-            mesh=None if len(given) == 1 else np.diff(position.knots) / position.knots[-1],
+            widths=np.concatenate([phase.own for phase in found.phases]),
+            mesh=None if is_one else np.diff(position.knots) / position.knots[-1],
         )
 
     def _of_intervals(self, multipliers: Array, scaling: Scaling) -> Array:

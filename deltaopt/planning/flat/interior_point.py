@@ -14,8 +14,8 @@ from __future__ import annotations
 import ctypes
 import logging
 import threading
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
@@ -89,15 +89,16 @@ class Boundary:
 
 @dataclass(frozen=True)
 class Phase:
-    """A part of a motion, with a guess of its knots and duration.
+    """A part of a motion, with a guess of its knots and duration, or with those that were found.
 
     ``mesh``: intervals as fractions of the phase's duration, (N,). ``p``: parameters of the point
     problem. ``share``: of the rows' limits that may be used, (N, rows); infinite: this row has no
     limit there. ``knots``: X, V (and A) in units of the phase's duration, (N + 1, unknowns).
-    ``duration_is_given``: it stays as in the guess. ``multipliers``: of
-    a solution near the guess, as of `PhaseSolution`, to begin from; None to begin from those that
-    the barrier alone asks for. All phases of a motion have them or none. ``own``: parameters of
-    each interval's own, in place of those in p, (N, …).
+    ``duration_is_given``: it stays as in the guess. ``multipliers``: of the rows at every point,
+    (N, points, rows), cost per share of a limit, positive at an upper limit and negative at a
+    lower: of a solution near the guess, to begin from; empty to begin from those that the barrier
+    alone asks for. All phases of a motion have them or none. ``own``: parameters of each
+    interval's own, in place of those in p, (N, …).
     """
 
     mesh: Array
@@ -106,19 +107,8 @@ class Phase:
     knots: Array
     duration: float
     duration_is_given: bool = False
-    multipliers: Array | None = None
+    multipliers: Array = field(default_factory=lambda: np.empty(0))
     own: Array = field(default_factory=lambda: np.empty(0))
-
-
-@dataclass(frozen=True)
-class PhaseSolution:
-    """``knots``: X, V (and A) at every knot in units of the phase's duration, (N + 1, unknowns).
-    ``multipliers``: of the rows at every point, (N, points, rows), cost per share of a limit,
-    positive at an upper limit and negative at a lower."""
-
-    knots: Array
-    duration: float
-    multipliers: Array
 
 
 @dataclass(frozen=True)
@@ -127,7 +117,7 @@ class InteriorPointSolution:
     squared radius; 0 where there is no sphere. ``cost``: what is minimised. ``left``: by what
     fraction of it Newton's next step would change it."""
 
-    phases: tuple[PhaseSolution, ...]
+    phases: tuple[Phase, ...]
     sphere_multipliers: Array
     cost: float
     left: float
@@ -234,7 +224,7 @@ class CompiledMethod:
         rows = sum(counts) * len(points.fractions) * len(self.problem.sides)
         has_sphere = np.array([boundary.radius > 0 for boundary in boundaries])
         multipliers = np.empty(rows + int(has_sphere.sum()))
-        known = [_usable(phase) for phase in phases if phase.multipliers is not None]
+        known = [_usable(phase) for phase in phases if phase.multipliers.size]
         if known:
             multipliers[:rows] = np.concatenate(known)
         arrays = flags, rule, numbers, motion, multipliers
@@ -242,7 +232,7 @@ class CompiledMethod:
         of_spheres = np.zeros(len(boundaries))
         of_spheres[has_sphere] = multipliers[rows:]
         return InteriorPointSolution(
-            self._by_phase(counts, motion, multipliers[:rows]),
+            tuple(self._found(phases, motion, multipliers[:rows])),
             of_spheres,
             report.cost,
             report.dual,
@@ -285,25 +275,22 @@ class CompiledMethod:
             _log(trace[: report.iterations + 1], n, STATUS[status])
         return status, report
 
-    def _by_phase(
-        self, counts: Sequence[int], motion: Array, multipliers: Array
-    ) -> tuple[PhaseSolution, ...]:
-        knots = motion[: -len(counts)].reshape(-1, self.problem.unknowns)
-        durations = motion[-len(counts) :].tolist()
-        points = len(self.points.fractions)
-        rows = multipliers.reshape(sum(counts), points, len(self.problem.sides))
-        solutions, first = [], 0
-        for q, (count, duration) in enumerate(zip(counts, durations, strict=True)):
-            own = knots[first + q : first + q + count + 1]
-            solutions.append(PhaseSolution(own, duration, rows[first : first + count]))
-            first += count
-        return tuple(solutions)
+    def _found(self, phases: Sequence[Phase], motion: Array, multipliers: Array) -> Iterator[Phase]:
+        """The phases of a guess with what was found for them."""
+        knots = motion[: -len(phases)].reshape(-1, self.problem.unknowns)
+        durations = motion[-len(phases) :].tolist()
+        rows = multipliers.reshape(-1, len(self.points.fractions), len(self.problem.sides))
+        first = 0
+        for q, (phase, duration) in enumerate(zip(phases, durations, strict=True)):
+            end = first + len(phase.mesh)
+            own, found = knots[first + q : end + q + 1], rows[first:end]
+            yield replace(phase, knots=own, duration=duration, multipliers=found)
+            first = end
 
 
 def _usable(phase: Phase) -> Array:
     """Multipliers of a guess per share of what may be used of the limits, in one row; 0 where a row
     has no limit."""
-    assert phase.multipliers is not None
     share = np.where(np.isfinite(phase.share), phase.share, 0.0)
     return (phase.multipliers * share[:, None]).ravel()
 

@@ -97,15 +97,12 @@ class Flat(ProblemFormulation):
         They are for Ipopt if that is asked for, without a C compiler, and for accelerations that
         are not linear in every interval.
         """
-        if constraints.order == 3 and isinstance(solver, InteriorPoint):
-            own = compiled_flat(point_equations(functions, constraints), transcription, cost, None)
-            if own is not None:
-                return own
-        by_ipopt = super().of(functions, transcription, constraints, cost)
-        if isinstance(solver, Ipopt) or transcription.degree != 1:
-            return by_ipopt
-        equations = point_equations(functions, constraints)
-        return compiled_flat(equations, transcription, cost, by_ipopt) or by_ipopt
+        is_smooth, own = constraints.order == 3, None
+        by_ipopt = None if is_smooth else super().of(functions, transcription, constraints, cost)
+        if isinstance(solver, InteriorPoint) and (is_smooth or transcription.degree == 1):
+            equations = point_equations(functions, constraints)
+            own = compiled_flat(equations, transcription, cost, by_ipopt)
+        return own or by_ipopt or super().of(functions, transcription, constraints, cost)
 
     def equations(self, system: ScaledMechanism) -> Equations:
         """Its equations for any scaled mechanism."""
