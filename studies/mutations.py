@@ -42,6 +42,16 @@ class Mutation:
     tests: str
     named: str
 
+    def found(self) -> tuple[Any, str]:
+        """What has the target, and by which name. Raises AttributeError where nothing has it."""
+        module, _, path = self.target.partition(":")
+        owner: Any = import_module(f"deltaopt.{module}")
+        *outer, last = path.split(".")
+        for name in outer:
+            owner = getattr(owner, name)
+        inspect.getattr_static(owner, last)
+        return owner, last
+
 
 def _always(value: object) -> Change:
     """To what returns a value, whatever it is asked."""
@@ -76,7 +86,7 @@ CHANGES: dict[str, Change] = {
     "first argument": _the(0),
     "second argument": _the(1),
     "untightened": lambda _: lambda self, *_: self.scaling.untightened,
-    "one start": lambda _: lambda self, scene, *_: self._plan_by_limits(scene, None, 1, 0),
+    "one start": lambda _: lambda self, scene, usual, search: usual(scene),
     "followed": _always(Replay(1.0, 0.0, 0.0)),
     "links as they come": lambda _: lambda scene, planned, *_: (planned(scene), 0.0),
 }
@@ -95,11 +105,7 @@ MUTATIONS = _table()
 def pytest_configure() -> None:
     """Take away what the environment names, in every module that has it by name."""
     mutation = MUTATIONS[os.environ[_NAME]]
-    module, _, path = mutation.target.partition(":")
-    owner: Any = import_module(f"deltaopt.{module}")
-    *outer, last = path.split(".")
-    for name in outer:
-        owner = getattr(owner, name)
+    owner, last = mutation.found()
     original = inspect.getattr_static(owner, last)
     changed = CHANGES[mutation.change](original)
     if isinstance(owner, Limit):  # a value: its class has other limits too
