@@ -99,10 +99,14 @@ class Constraints:
 
     def label(self, row: int) -> str:
         """A row in words: "torque of motor 2"."""
+        return " of ".join(self.named(row))
+
+    def named(self, row: int) -> tuple[str, str]:
+        """The limit and the subject of a row: ("torque", "motor 2")."""
         item, own = self.item_of(row)
         limit, rows = self.limits[item], self.slices[item]
         which = f" {own + 1}" if rows.stop - rows.start > 1 else ""
-        return f"{limit.name} of {limit.subject}{which}"
+        return limit.name, f"{limit.subject}{which}"
 
     @cached_property
     def slices(self) -> tuple[slice, ...]:

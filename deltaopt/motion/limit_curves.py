@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -13,6 +13,7 @@ from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.piecewise import Array
 from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.limit import Limit
+from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import PlatformInstant
 from deltaopt.motion.trajectory import Trajectory
@@ -77,67 +78,54 @@ class LimitShares:
     """Every quantity that a scene limits, as a share of its bound: 1 at the bound.
 
     A bound that a quantity may be on either side of, as one of a range, is 1 too, and the share
-    falls by the distance from it over the quantity's natural size. ``named``: limit and subject of
-    each column, such as ("torque", "motor 2").
+    falls by the distance from it over the quantity's natural size.
     """
 
     model: Model
-    function: RowFunction
-    parameters: Array
-    named: tuple[tuple[str, str], ...]
+    limits: SceneLimits
 
     @classmethod
     def of(cls, problem: Problem) -> LimitShares:
         """Of the limits that a motion must keep, without margins that only the planner keeps, and
         without those of jerk and torque rate: what moves between rows of a table has its own."""
-        model, limits = problem.model, problem.limits.up_to(2)
-        function, named = _shares(model.functions, limits.constraints)
-        return cls(model, function, np.concatenate([limits.numbers, model.parameters]), named)
+        return cls(problem.model, problem.limits.up_to(2))
+
+    @cached_property
+    def _columns(self) -> list[tuple[int, int]]:
+        """Of each column the row and which of its bounds: 0 the lower, 1 the upper."""
+        of = self.limits.constraints
+        return [
+            (row, side)
+            for limit, rows in zip(of.limits, of.slices, strict=True)
+            for side in (1, 0)
+            for row in range(rows.start, rows.stop)
+            if limit.promised and of.sides[row, side]
+        ]
+
+    @property
+    def named(self) -> list[tuple[str, str]]:
+        """Limit and subject of each column, such as ("torque", "motor 2")."""
+        return [self.limits.constraints.named(row) for row, _ in self._columns]
 
     def __call__(self, x: Array, v: Array, a: Array) -> Array:
         """The shares, (N, columns), of a motion of the tool's point, (N, 3) each."""
-        (values,) = self.function(x, v, a, parameters=self.parameters)
-        return values
-
-
-@lru_cache(maxsize=16)
-def _shares(
-    functions: Functions, constraints: Constraints
-) -> tuple[RowFunction, tuple[tuple[str, str], ...]]:
-    """(x, v, a, numbers of the limits and p) -> the shares; and what each is of."""
-    motion, numbers, inputs = _motion(functions, constraints)
-    columns, named = [], list[tuple[str, str]]()
-    for limit, own in constraints.with_numbers(numbers):
-        if not limit.promised:
-            continue
-        measure = limit.measure(motion, own)
-        several = measure.numel() > 1
-        names = [
-            f"{limit.subject} {k + 1}" if several else limit.subject for k in range(measure.numel())
-        ]
-        for beyond in limit.bounds(own).beyond(measure):
-            columns.append(1 + beyond)
-            named += [(limit.name, name) for name in names]
-    shares = ca.densify(ca.vertcat(*columns))
-    return RowFunction(ca.Function("shares", inputs, [shares], {"cse": True})), tuple(named)
+        limits, (rows, sides) = self.limits, np.array(self._columns).T
+        function = _measures(self.model.functions, limits.constraints)
+        parameters = np.concatenate([limits.numbers, self.model.parameters])
+        (values,) = function(x, v, a, parameters=parameters)
+        bounds = np.stack(limits.bounds)[sides, rows]
+        over = np.where(sides, values[:, rows] - bounds, bounds - values[:, rows])
+        return np.asarray(1 + over / limits.scales[rows])
 
 
 @lru_cache(maxsize=16)
 def _measures(functions: Functions, constraints: Constraints) -> RowFunction:
     """(x, v, a[, j], numbers of the limits and p) -> the quantities of all limits, compiled."""
-    motion, numbers, inputs = _motion(functions, constraints)
-    measures = constraints.measures(motion, numbers)
-    return RowFunction(ca.Function("measures", inputs, [measures], {"cse": True}))
-
-
-def _motion(
-    functions: Functions, constraints: Constraints
-) -> tuple[PlatformInstant, ca.SX, list[ca.SX]]:
-    """A motion of symbols, with as many derivatives as limits need; the limits' numbers; and all
-    symbols: those of the motion, then the numbers and the model's parameters."""
     symbols = [ca.SX.sym(name, 3) for name in "xvaj"[: constraints.order + 1]]
     (x, v, a, *rest), numbers = symbols, constraints.numbers()
     motion = PlatformInstant(
         functions, x, v, a, functions.symbols(), jerk=rest[0] if rest else None
     )
-    return motion, numbers, [*symbols, ca.vertcat(numbers, motion.p)]
+    inputs = [*symbols, ca.vertcat(numbers, motion.p)]
+    measures = constraints.measures(motion, numbers)
+    return RowFunction(ca.Function("measures", inputs, [measures], {"cse": True}))

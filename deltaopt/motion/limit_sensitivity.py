@@ -91,13 +91,9 @@ def limit_sensitivities(
     limits = multipliers.limits
     slopes = -limits.bound_exponents * multipliers.of_rows()
     found = dict[tuple[str, str], float]()
-    for limit, rows in zip(limits.constraints.limits, limits.constraints.slices, strict=True):
-        if not limit.promised:
-            continue
-        several = rows.stop - rows.start > 1
-        for k, slope in enumerate(slopes[rows].tolist(), 1):
-            name = limit.name, f"{limit.subject} {k}" if several else limit.subject
-            found[name] = found.get(name, 0.0) + slope
+    for row in np.flatnonzero(limits.constraints.promised).tolist():
+        name = limits.constraints.named(row)
+        found[name] = found.get(name, 0.0) + float(slopes[row])
     known = {name: slope for name, slope in found.items() if isfinite(slope)}
     each = [LimitSensitivity(*name, slope, most_saved) for name, slope in known.items()]
     return tuple(sorted(each, key=lambda one: one.exponent))

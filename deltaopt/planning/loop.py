@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import islice
 from math import inf
 
 import numpy as np
@@ -27,22 +28,33 @@ from deltaopt.planning.attempts import (
     on_its_mesh,
     until_good,
 )
-from deltaopt.planning.first_motions.around_bodies import is_clear
+from deltaopt.planning.first_motions.around_bodies import is_clear, with_stops
 from deltaopt.planning.first_motions.bands import sampled
 from deltaopt.planning.first_motions.belt import not_found
 from deltaopt.planning.first_motions.initial_motion import has_time_to_wait
-from deltaopt.planning.first_motions.order_of_merit import crosses_singularity, timed_axis
+from deltaopt.planning.first_motions.moving_ends import first_moving_motions
+from deltaopt.planning.first_motions.order_of_merit import (
+    CrossesSingularity,
+    crosses_singularity,
+    timed_axis,
+)
+from deltaopt.planning.first_motions.passages import paths_of_lines
 from deltaopt.planning.first_motions.proposal import Proposal
-from deltaopt.planning.first_motions.slow_motions import slow_motions
 from deltaopt.planning.journal import Journal
 from deltaopt.planning.mesh.kept_limits import KEPT
-from deltaopt.planning.plan import Plan, plan_as_it_is
-from deltaopt.planning.remedies import REMEDIES, better
-from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser, safe
+from deltaopt.planning.plan import Plan, plan_as_it_is, quicker
+from deltaopt.planning.trajectory_optimiser import HeldByMotion, TrajectoryOptimiser, safe
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
-from deltaopt.scene.feasibility import require_links_clear, require_state, room_at_rest
+from deltaopt.scene.feasibility import (
+    limit_room_at_ends,
+    require_links_clear,
+    require_state,
+    room_at_rest,
+)
+from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import Time
+from deltaopt.scene.parallel_singularity import require_ends_on_one_side
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import EndState
 
@@ -61,9 +73,29 @@ _MAY_HELP = (
     "another number of intervals, a looser tolerance or more starts may lead to one, for no search "
     "is complete"
 )
+_TORQUE_KEPT = (3e-4, 1e-3, 1e-2)
+"""Parts of the torque limits that meshes leave unused where gravity takes almost all of them
+somewhere, so that slowing cannot make up for what is exceeded between points; at most half of what
+gravity leaves at start and goal. The gap counts what it costs."""
+_RETRY_HALVES = 3
+"""A plan that misses a tolerance below ``RESOLVED_BELOW`` is made once more from a first mesh of
+3/2 as many intervals. Which switching structure is detected and which intervals are split depends
+on the first mesh, so another one may succeed; it costs as much time again."""
+_KEPT_SHARE = 0.9
+"""Share of the limits that motions whose end moves take at samples: between them they may take
+more."""
+_SLOW_PATHS = 2
+"""How many paths of straight lines past bodies are driven."""
 _ROUNDING = 1e-9
 """What the ends of a motion may be off those asked for, of how far it goes, and of that in its
 duration."""
+
+
+Outcome = Plan | DeltaOptError
+"""What came of an attempt."""
+Remedy = Callable[[TrajectoryOptimiser, Attempt, Outcome], Attempt | None]
+"""What to attempt after what came of an attempt; None where the remedy is none for that. It may
+raise an error where nothing can help."""
 
 
 @dataclass(frozen=True)
@@ -90,10 +122,10 @@ class Loop:
         """What comes of an attempt and of the remedies that may help after it: the best plan, or
         the first error."""
         first = outcome = self.made(attempt)
-        for remedy in REMEDIES:
+        for remedy in _REMEDIES:
             changed = remedy(self.optimiser, attempt, outcome)
             if changed is not None:
-                attempt, outcome = changed, better(outcome, self.made(changed))
+                attempt, outcome = changed, _better(outcome, self.made(changed))
         return outcome if isinstance(outcome, Plan) else first
 
     def made(self, attempt: Attempt) -> Plan | DeltaOptError:
@@ -167,7 +199,7 @@ class Loop:
             return planned(scene)
         except NO_PLAN as error:
             begun = [a for a in self.attempts if a.scene.task.gates == scene.task.gates]
-            slow = slow_motions(scene) if isinstance(scene.objective, Time) else ()
+            slow = _slow_motions(scene) if isinstance(scene.objective, Time) else ()
             names = {a.motion: a.proposal for a in begun} | {one.motion: one.name for one in slow}
             kept = [if_possible(NO_PLAN, _kept, scene, motion) for motion in names]
             best = min((one for one in kept if one), key=lambda one: one.duration, default=None)
@@ -203,6 +235,49 @@ class Loop:
             if found.gap <= self.good_gap:
                 break
         return found
+
+
+def _kept_away(_: TrajectoryOptimiser, attempt: Attempt, outcome: Outcome) -> Attempt | None:
+    if not isinstance(outcome, CrossesSingularity):
+        return None
+    require_ends_on_one_side(attempt.scene)
+    return attempt.away
+
+
+def _leaving_torque(kept: float) -> Remedy:
+    """With this part of the torque limits left unused."""
+
+    def changed(_: TrajectoryOptimiser, attempt: Attempt, outcome: Outcome) -> Attempt | None:
+        if not isinstance(outcome, HeldByMotion):
+            return None
+        room = limit_room_at_ends(attempt.scene) / 2
+        return replace(attempt, torque_share=1 - min(kept, room))
+
+    return changed
+
+
+def _from_another_mesh(
+    optimiser: TrajectoryOptimiser, attempt: Attempt, outcome: Outcome
+) -> Attempt | None:
+    """Where a motion from rest to rest that is not in phases is found and misses a tolerance to
+    which switches are resolved."""
+    task, is_tight = attempt.scene.task, optimiser.tolerance < optimiser.resolved_below
+    in_one = task.is_at_rest and not task.gates and isinstance(attempt.scene.objective, Time)
+    is_missed = isinstance(outcome, Plan) and not outcome.within_tolerance
+    if not (in_one and is_tight and is_missed):
+        return None
+    return replace(attempt, intervals=_RETRY_HALVES * attempt.intervals // 2)
+
+
+_REMEDIES = (_kept_away, *map(_leaving_torque, _TORQUE_KEPT), _from_another_mesh)
+"""In this order, each after what came of those before."""
+
+
+def _better(one: Outcome, other: Outcome) -> Outcome:
+    """The shorter of two plans, the only one, or the later error."""
+    if isinstance(one, Plan) and isinstance(other, Plan):
+        return quicker(one, other)
+    return one if isinstance(one, Plan) else other
 
 
 def _kept(scene: Scene, motion: Trajectory) -> Trajectory | None:
@@ -256,3 +331,20 @@ def or_raise(found: Plan | DeltaOptError) -> Plan:
     if isinstance(found, Plan):
         return found
     raise found
+
+
+def _slow_motions(scene: Scene) -> Iterator[Proposal]:
+    """Motions that nothing is attempted from, since others lead to better plans: they are slow, and
+    keep limits where those may not. Where an end moves its first motions, well within the limits;
+    past bodies motions from rest to rest along paths of straight lines, with a stop at each of
+    their corners."""
+    if scene.task.gates:
+        return
+    if scene.moves_at_ends:
+        well_within = if_possible(RULED_OUT, list, first_moving_motions(scene, None, _KEPT_SHARE))
+        yield from well_within or ()
+    elif limits_of(scene).constraints.has_convex and scene.tube is None:
+        for corners in islice(paths_of_lines(scene), _SLOW_PATHS):
+            motion = with_stops(scene, corners)
+            if motion is not None:
+                yield Proposal("straight lines with a stop at each corner", motion)

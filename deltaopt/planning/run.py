@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cache, partial, reduce
 from itertools import chain, islice
 from math import inf, isfinite
+from operator import attrgetter
 from time import perf_counter
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
@@ -305,7 +306,7 @@ class Run(Loop):
             found += self._through_passages(scene)
         if failure and not found:
             raise failure
-        return min(found, key=_cost)
+        return min(found, key=attrgetter("cost"))
 
     def _moving_past(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan | None:
         """The plan past bodies where an end moves; None without bodies, and where there is none.
@@ -353,17 +354,13 @@ class Run(Loop):
             return found
         found = [
             replace(each, scene=scene, gap=inf, certificate=None, multipliers=None)
-            for each in sorted(found, key=_cost)
+            for each in sorted(found, key=attrgetter("cost"))
         ]
         improved = (self.improved(scene, each) for each in found)
         known = next((each for each in improved if isfinite(each.gap)), found[0])
-        best = min(found[0], known, key=_cost)
+        best = min(found[0], known, key=attrgetter("cost"))
         way = TakenWay(name_of_way(scene, best.trajectory), best.duration, True)
         return [replace(best, ways=(way,))]
-
-
-def _cost(plan: Plan) -> float:
-    return plan.cost
 
 
 def _resolvable(found: Plan) -> Plan:

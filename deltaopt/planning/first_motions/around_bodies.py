@@ -29,10 +29,9 @@ from deltaopt.planning.first_motions.bands import (
     resampled,
     sampled,
 )
-from deltaopt.planning.first_motions.bows import bows
+from deltaopt.planning.first_motions.bows import bows, speeds
 from deltaopt.planning.first_motions.initial_motion import roughly_fastest
 from deltaopt.planning.first_motions.passages import shortest_path, what_was_searched
-from deltaopt.planning.first_motions.speeds import speeds
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
