@@ -84,9 +84,7 @@ def test_instants(rate):
 def test_plan_made_by_hand(tmp_path):
     """Whatever a gap is, JSON can say it."""
     line = baseline(SCENE)
-    plan = Plan(
-        SCENE, line, "L_E, flat", "test", 40, "solved", 7, 0.5, float("inf"), 1e-3, (), None
-    )
+    plan = Plan(SCENE, line, "L_E, flat", "test", 40, "solved", 7, gap=float("inf"), tolerance=1e-3)
     plan.save(tmp_path / "new" / "folder", chart=False)
     content = json.loads((tmp_path / "new/folder/plan.json").read_text(encoding="utf-8"))
     assert (content["formulation"], content["intervals"]) == ("L_E, flat", 40)
