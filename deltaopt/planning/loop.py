@@ -199,7 +199,7 @@ class Loop:
             return planned(scene)
         except NO_PLAN as error:
             begun = [a for a in self.attempts if a.scene.task.gates == scene.task.gates]
-            slow = _slow_motions(scene) if isinstance(scene.objective, Time) else ()
+            slow = slow_motions(scene) if isinstance(scene.objective, Time) else ()
             names = {a.motion: a.proposal for a in begun} | {one.motion: one.name for one in slow}
             kept = [if_possible(NO_PLAN, _kept, scene, motion) for motion in names]
             best = min((one for one in kept if one), key=lambda one: one.duration, default=None)
@@ -333,7 +333,7 @@ def or_raise(found: Plan | DeltaOptError) -> Plan:
     raise found
 
 
-def _slow_motions(scene: Scene) -> Iterator[Proposal]:
+def slow_motions(scene: Scene) -> Iterator[Proposal]:
     """Motions that nothing is attempted from, since others lead to better plans: they are slow, and
     keep limits where those may not. Where an end moves its first motions, well within the limits;
     past bodies motions from rest to rest along paths of straight lines, with a stop at each of
