@@ -20,46 +20,37 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated
+from operator import attrgetter
+from typing import Annotated, Any
 
 import casadi as ca
 
 from deltaopt.files.units import ANGULAR_JERK, ANGULAR_SPEED, TORQUE, TORQUE_RATE
-from deltaopt.files.validated_record import PerMotor, Vector3
-from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Limit, MotorLimit, Numbers
-from deltaopt.limits.norms_and_ranges import Range
+from deltaopt.files.validated_record import PerMotor
+from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Limit, Numbers
+from deltaopt.limits.norms_and_ranges import MotorLimit, Range
 from deltaopt.mechanisms.instant import LighterInstant
-from deltaopt.robot.machine import Machine
 
 
-class Torque(MotorLimit):
-    """Largest torque of each motor at its arm, N·m."""
-
-    name, unit, order, powers = "torque", "N·m", 2, (2,)
-    key = Key("torque", Annotated[PerMotor, TORQUE], "one torque in N·m, greater than 0, or three")
-
-    def of_drive(self, robot: Machine) -> Vector3:
-        return robot.torque_limits
-
-    def measure(self, motion: Instant, numbers: SX) -> SX:
-        return motion.tau
+def _key(name: str, unit: Any, one: str) -> Key:
+    return Key(name, Annotated[PerMotor, unit], f"{one}, greater than 0, or three")
 
 
-class Speed(MotorLimit):
-    """Largest angular speed of each arm, rad/s."""
+_TORQUE = _key("torque", TORQUE, "one torque in N·m")
+_SPEED = _key("speed", ANGULAR_SPEED, "one angular speed in rad/s")
+_RATE = _key("torque_rate", TORQUE_RATE, "one rate of torque in N·m/s")
+_JERK = _key("joint_jerk", ANGULAR_JERK, "one angular jerk in rad/s³")
 
-    name, unit, order, powers = "speed", "rad/s", 1, (1,)
-    key = Key(
-        "speed",
-        Annotated[PerMotor, ANGULAR_SPEED],
-        "one angular speed in rad/s, greater than 0, or three",
-    )
-
-    def of_drive(self, robot: Machine) -> Vector3 | None:
-        return robot.speed_limits
-
-    def measure(self, motion: Instant, numbers: SX) -> SX:
-        return motion.dtheta
+TORQUE_LIMIT = MotorLimit("torque", "N·m", 2, "tau", "torque_limits", (2,), _TORQUE)
+"""Largest torque of each motor at its arm."""
+SPEED_LIMIT = MotorLimit("speed", "rad/s", 1, "dtheta", "speed_limits", (1,), _SPEED)
+"""Largest angular speed of each arm."""
+TORQUE_RATE_LIMIT = MotorLimit(
+    "torque rate", "N·m/s", 3, "dtau", "torque_rate_limits", (1, 3), _RATE
+)
+"""Largest rate of each motor's torque at its arm."""
+JOINT_JERK = MotorLimit("joint jerk", "rad/s³", 3, "dddtheta", None, (3,), _JERK)
+"""Largest jerk of each arm."""
 
 
 class TorqueCurve(Limit):
@@ -88,40 +79,6 @@ def _line(begin: tuple[float, float], end: tuple[float, float]) -> tuple[float, 
     """μ and c of the line τ = c - μ ω through two points (ω, τ), rad/s and N·m."""
     mu = (begin[1] - end[1]) / (end[0] - begin[0])
     return mu, begin[1] + mu * begin[0]
-
-
-class TorqueRate(MotorLimit):
-    """Largest rate of each motor's torque at its arm, N·m/s."""
-
-    name, unit, order, powers = "torque rate", "N·m/s", 3, (1, 3)
-    key = Key(
-        "torque_rate",
-        Annotated[PerMotor, TORQUE_RATE],
-        "one rate of torque in N·m/s, greater than 0, or three",
-    )
-
-    def of_drive(self, robot: Machine) -> Vector3 | None:
-        return robot.torque_rate_limits
-
-    def measure(self, motion: Instant, numbers: SX) -> SX:
-        return motion.dtau
-
-
-class JointJerk(MotorLimit):
-    """Largest jerk of each arm, rad/s³."""
-
-    name, unit, order, powers = "joint jerk", "rad/s³", 3, (3,)
-    key = Key(
-        "joint_jerk",
-        Annotated[PerMotor, ANGULAR_JERK],
-        "one angular jerk in rad/s³, greater than 0, or three",
-    )
-
-    def of_drive(self, robot: Machine) -> Vector3 | None:
-        return None
-
-    def measure(self, motion: Instant, numbers: SX) -> SX:
-        return motion.dddtheta
 
 
 @dataclass(frozen=True)
@@ -157,11 +114,7 @@ class WithLeastPayload(Limit):
         return self.limit.rows(LighterInstant(motion, numbers[0]), numbers[1:])
 
 
-def _theta(motion: Instant) -> SX:
-    return motion.theta
-
-
-ARM_RANGE = Range("arm angle", "rad", "motor", _theta, "joints.arm")
+ARM_RANGE = Range("arm angle", "rad", "motor", attrgetter("theta"), "joints.arm")
 """Least and largest angle of each arm."""
 
 

@@ -18,9 +18,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.errors import SceneError
-from deltaopt.files.units import percentage
-from deltaopt.files.validated_record import Vector3, per_motor
+from deltaopt.files.validated_record import Vector3
 from deltaopt.mechanisms.instant import Instant as Instant
 from deltaopt.robot.machine import Machine
 from deltaopt.robot.solids import Convex, Solid
@@ -283,57 +281,6 @@ class PhasedLimit(Limit):
         """The rows of a position, three polynomials in m over s or values of them, m, with numbers
         of a phase."""
         raise NotImplementedError
-
-
-class MotorLimit(Limit):
-    """A limit of each motor, given by the drive and tightened by a scene."""
-
-    key: Key
-    subject = "motor"
-
-    def of_drive(self, robot: Machine) -> Vector3 | None:
-        """What the robot's drives give; None if that is unlimited."""
-        raise NotImplementedError
-
-    def without_shares(self, given: object, robot: Machine) -> object:
-        """What a scene gives, with shares of the drive's limit such as "85 %" as numbers.
-
-        Raises SceneError for a share that is not above 0 and at most 100 %, or of no limit.
-        """
-        each = given if isinstance(given, list | tuple) else [given] * 3
-        if len(each) != 3 or all(percentage(value) is None for value in each):
-            return given
-        drive = self.of_drive(robot) or (None, None, None)
-        resolved = tuple(map(self._without_share, each, drive))
-        return resolved[0] if len(set(resolved)) == 1 else resolved
-
-    def _without_share(self, value: object, drive: float | None) -> object:
-        """A share of one motor's limit as a number; any other value as it is."""
-        share, key = percentage(value), f"limits.{self.key.name}"
-        if share is None:
-            return value
-        if drive is None:
-            expected = f"{self.key.expected}, since the robot's drive names no {self.name}"
-            raise SceneError(None, key, value, expected)
-        if not 0 < share <= 1:
-            expected = "a share of what the drive gives, greater than 0 and at most 100 %"
-            raise SceneError(None, key, value, expected)
-        return share * drive
-
-    def items(self, scene: Described) -> Sequence[Numbers]:
-        """The drive's, or the scene's, which must not be more."""
-        drive, given = self.of_drive(scene.robot), scene.given(self.key.name)
-        if given is None:
-            return [] if drive is None else [drive]
-        each = per_motor(given)
-        if drive is not None and any(ours > its for ours, its in zip(each, drive, strict=True)):
-            most = f"{drive[0]:g}" if len(set(drive)) == 1 else ", ".join(f"{d:g}" for d in drive)
-            expected = f"at most what the drive gives, {most} {scene.robot.unit(self.unit)}"
-            raise SceneError(None, f"limits.{self.key.name}", given, expected)
-        return [each]
-
-    def bounds(self, numbers: SX) -> Bounds:
-        return Bounds.symmetric(numbers)
 
 
 def first_highest(values: Array) -> int:

@@ -14,17 +14,18 @@ from deltaopt.errors import SceneError
 from deltaopt.files.validated_record import Record
 from deltaopt.limits.joints import (
     ARM_RANGE,
+    JOINT_JERK,
+    SPEED_LIMIT,
+    TORQUE_LIMIT,
+    TORQUE_RATE_LIMIT,
     BallJoint,
-    JointJerk,
-    Speed,
-    Torque,
     TorqueCurve,
-    TorqueRate,
     WithLeastPayload,
 )
 from deltaopt.limits.keep_out import MOST_SOLIDS, KeepOut, hull_limits, place_among_rows
-from deltaopt.limits.limit import Described, Limit, MotorLimit
+from deltaopt.limits.limit import Described, Limit
 from deltaopt.limits.links import LinkClearance
+from deltaopt.limits.norms_and_ranges import MotorLimit
 from deltaopt.limits.platform_motion import (
     PLATFORM_ACCELERATION,
     PLATFORM_JERK,
@@ -46,9 +47,9 @@ _STANDS_STILL = 1e-9
 """Share of the largest rate of a path's pieces below which it turns back where a piece begins."""
 
 LIMITS: tuple[Limit, ...] = (
-    Torque(),
+    TORQUE_LIMIT,
     SerialSingularity(),
-    Speed(),
+    SPEED_LIMIT,
     PLATFORM_ACCELERATION,
     TorqueCurve(),
     PLATFORM_SPEED,
@@ -64,9 +65,9 @@ LIMITS: tuple[Limit, ...] = (
     Tube(),
     Approach(),
     LinkClearance(),
-    TorqueRate(),
+    TORQUE_RATE_LIMIT,
     PLATFORM_JERK,
-    JointJerk(),
+    JOINT_JERK,
 )
 """All kinds of limit, in the order of the constraint rows of a problem. Before bodies, the rows of
 those that depend on torques stand once more, for the least payload of a range."""

@@ -13,7 +13,7 @@ import pytest
 import deltaopt.scene.known_limits as known
 from deltaopt import DeltaModel, Scene, SceneError, load_robot, plan, verify
 from deltaopt.limits.constraints import MIXED, Constraints
-from deltaopt.limits.joints import Torque
+from deltaopt.limits.joints import TORQUE_LIMIT
 from deltaopt.limits.limit import Bounds, Limit
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import baseline
@@ -179,7 +179,7 @@ def test_a_curved_lower_bound_is_refused_on_a_path(monkeypatch):
 
 
 def test_an_unknown_order_is_refused(monkeypatch):
-    of_jerk = Constraints(((Torque(), 3), (Jerk(), 3)))
+    of_jerk = Constraints(((TORQUE_LIMIT, 3), (Jerk(), 3)))
     assert not can_be_held(of_jerk)
     with_limits(monkeypatch, Jerk())
     with pytest.raises(ValueError, match=r"the limit jerk says order 3; .* it is 0"):
@@ -187,9 +187,9 @@ def test_an_unknown_order_is_refused(monkeypatch):
 
 
 def test_the_unit_of_torque_is_that_of_one_limit():
-    two = Constraints(((Torque(), 3), (Continuous(), 3)))
+    two = Constraints(((TORQUE_LIMIT, 3), (Continuous(), 3)))
     assert two.is_control.tolist() == [True] * 3 + [False] * 3
-    assert can_be_held(Constraints(((Torque(), 3),)))
+    assert can_be_held(Constraints(((TORQUE_LIMIT, 3),)))
     assert not can_be_held(two)
 
 

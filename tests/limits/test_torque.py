@@ -11,7 +11,7 @@ import pytest
 import deltaopt
 from deltaopt import DeltaModel, Scene, SceneError, load_robot, load_scene, plan, verify
 from deltaopt.dynamics.lagrange import Explicit
-from deltaopt.limits.joints import Torque, TorqueCurve, WithLeastPayload
+from deltaopt.limits.joints import TORQUE_LIMIT, TorqueCurve, WithLeastPayload
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.instant import CoordinateInstant, PlatformInstant
 from deltaopt.robot.model import delta_model
@@ -39,7 +39,7 @@ def largest_share(robot, motion, payload, limit):
     return float(np.abs(tau).max()) / limit
 
 
-@pytest.mark.parametrize("limit", [Torque(), TorqueCurve()], ids=lambda limit: limit.name)
+@pytest.mark.parametrize("limit", [TORQUE_LIMIT, TorqueCurve()], ids=lambda limit: limit.name)
 @pytest.mark.parametrize("robot", ["hornet_565", "industrial_drive"])
 def test_measure_is_that_of_the_model_with_the_least_payload(limit, robot):
     """By the platform's equations and by those of twelve coordinates."""

@@ -16,7 +16,7 @@ import pytest
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.limits.constraints import Constraints
-from deltaopt.limits.joints import Speed, Torque
+from deltaopt.limits.joints import SPEED_LIMIT, TORQUE_LIMIT
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.constraint_rows import ByOrder
@@ -86,9 +86,9 @@ class Line:
     @property
     def limits(self) -> SceneLimits:
         """Of force and speed, three each."""
-        items, numbers = [(Torque(), 3)], [self.u] * 3
+        items, numbers = [(TORQUE_LIMIT, 3)], [self.u] * 3
         if self.v:
-            items, numbers = [*items, (Speed(), 3)], [*numbers, *[self.v] * 3]
+            items, numbers = [*items, (SPEED_LIMIT, 3)], [*numbers, *[self.v] * 3]
         return SceneLimits(Constraints(tuple(items)), np.array(numbers))
 
     @cached_property

@@ -12,7 +12,7 @@ import pytest
 from deltaopt import load_scene, plan, verify
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.limits.constraints import Constraints
-from deltaopt.limits.joints import Speed, Torque
+from deltaopt.limits.joints import SPEED_LIMIT, TORQUE_LIMIT
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.constraint_rows import ConstraintRows, constraint_rows
@@ -164,7 +164,7 @@ def test_exact_answers(line: Line, barrier: Barrier | None):
 def test_one_motor_with_one_coordinate():
     """The same line without the two idle axes: nothing in the method is made for three motors."""
     line = Line(0.7, 3.0, 0.9)
-    constraints = Constraints(((Torque(), 1), (Speed(), 1)), motors=1)
+    constraints = Constraints(((TORQUE_LIMIT, 1), (SPEED_LIMIT, 1)), motors=1)
     limits = SceneLimits(constraints, np.array([line.u, line.v]))
     ends = Boundary((0.0,)), Boundary((line.d,))
     scaling = Scaling(Problem(UnitMass(), limits, ends), 1.3 * line.duration)
