@@ -67,7 +67,8 @@ class PlacesOnBelt:
         a given duration is over, if there is one."""
         given = self.scene.objective.given_duration
         if given is not None:
-            return self._plan(given)
+            found = self._plan_to(given)
+            return self._of(found, found.trajectory.position) if found else None
         times = Meetings.of(self.scene, self.goal).durations
         if not len(times):
             return None
@@ -105,13 +106,9 @@ class PlacesOnBelt:
 
     def _plan(self, time: float) -> Plan | None:
         """The plan that waits and meets the belt at a time, s; None if none is found."""
-        at = self.goal.at(time, self.goal.position)
-        state = State(at=at.position, velocity=at.velocity)
-        plan = self.planned(self.scene.model_copy(update={"goal": state}))
-        if not isinstance(plan, Plan):
+        plan = self._plan_to(time)
+        if plan is None:
             return None
-        if self.scene.objective.given_duration is not None:
-            return plan_as_it_is(self.scene, plan.trajectory, plan.tolerance, plan.formulation)
         moving = plan.trajectory.position
         wait = time - plan.duration
         if wait < _LEAST_WAIT * plan.duration:
@@ -124,6 +121,16 @@ class PlacesOnBelt:
         start = np.zeros((1, *moving.coefficients.shape[1:]))
         start[0, 0] = self.scene.task.start.position
         still = PiecewisePolynomial(np.array([0.0, wait]), start)
-        model = model_of(self.scene.robot, self.scene.payload)
-        motion = Trajectory(still.then(moving), model)
+        return self._of(plan, still.then(moving))
+
+    def _plan_to(self, time: float) -> Plan | None:
+        """The plan to where the belt is at a time, s, whenever it gets there."""
+        at = self.goal.at(time, self.goal.position)
+        state = State(at=at.position, velocity=at.velocity)
+        plan = self.planned(self.scene.model_copy(update={"goal": state}))
+        return plan if isinstance(plan, Plan) else None
+
+    def _of(self, plan: Plan, position: PiecewisePolynomial) -> Plan:
+        """A motion onto the belt, found by a plan to a place, as it is."""
+        motion = Trajectory(position, model_of(self.scene.robot, self.scene.payload))
         return plan_as_it_is(self.scene, motion, plan.tolerance, plan.formulation)

@@ -136,8 +136,8 @@ _SHARED = np.array(
         [[0, 0, 0.5, 0], [0, 0, 0, 1]],
     ]
 )
-"""Which part of a multiplier at each of their points belongs to both ends of each third, (3, 2, 4),
-of rows that are continuous there."""
+"""Which part of a multiplier at each of the four points of an interval in thirds belongs to both
+ends of each third, (3, 2, 4), of rows that are continuous there."""
 _ONE_SIDED = np.array(
     [[[1, 0, 0, 0], [0, 0, 0, 0]], [[0, 1, 0, 0], [0, 0, 1, 0]], [[0, 0, 0, 0], [0, 0, 0, 1]]]
 )

@@ -106,10 +106,9 @@ class Softening:
         each = np.repeat(widths, len(rows) // len(widths), axis=0)
         found = rows
         for speed, most in problem.model.layers:
-            wide, share = np.maximum(speed, each), most / torques
-            soft = np.tanh(speeds / wide)
+            share, (wide, soft, change) = most / torques, _softened(speeds, speed, each)
             covered = self.covers * (1 - (speed / wide) ** 2) * share * (1 - soft**2)
-            found = (found + share * (soft - np.tanh(speeds / speed))) / (1 - covered)
+            found = (found + share * change) / (1 - covered)
         return np.where(self.is_least(each), found, rows)
 
     def is_least(self, widths: Array) -> NDArray[np.bool]:
@@ -123,8 +122,16 @@ class Softening:
         each = np.repeat(widths, len(at), axis=0)
         found = np.zeros(speeds.shape)
         for speed, most in problem.model.layers:
-            found += most * (np.tanh(speeds / speed) - np.tanh(speeds / np.maximum(speed, each)))
+            found -= most * _softened(speeds, speed, each)[2]
         return found
+
+
+def _softened(speeds: Array, width: float, widths: Array) -> tuple[Array, Array, Array]:
+    """Over how many rad/s friction that changes its sign over a ``width`` does so on a mesh of
+    ``widths``, what share of it there is then at some ``speeds``, and how much more that is."""
+    wide = np.maximum(width, widths)
+    soft = np.tanh(speeds / wide)
+    return wide, soft, soft - np.tanh(speeds / width)
 
 
 def _least(problem: Problem) -> float:
