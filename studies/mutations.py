@@ -12,7 +12,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -85,7 +85,7 @@ CHANGES: dict[str, Change] = {
     "zeros": _zeros,
     "first argument": _the(0),
     "second argument": _the(1),
-    "untightened": lambda _: lambda self, *_: self.scaling.untightened,
+    "untightened": lambda _: lambda self, *_: replace(self.scaling, share=1.0),
     "one start": lambda _: lambda self, scene, usual, search: usual(scene),
     "followed": _always(Replay(1.0, 0.0, 0.0)),
     "links as they come": lambda _: lambda scene, planned, *_: (planned(scene), 0.0),

@@ -259,15 +259,12 @@ class Planner:
             for name, value in settings.items():
                 if value is not None:
                     raise ValueError(f"{name} is {value}; it has no effect where the path is given")
-        elif task.is_at_rest and task.gates:
-            self._require_flat(f"without {'via points' if task.via else 'an approach'}")
-
-    def _require_flat(self, others_plan: str) -> None:
-        """Raise ValueError where another formulation was asked for, and say what these plan."""
-        if not isinstance(self._optimiser.problem_formulation, Flat):
-            name = self._optimiser.problem_formulation.name
+            return
+        asked, is_in_phases = self._optimiser.problem_formulation, task.is_at_rest and task.gates
+        if is_in_phases and not isinstance(asked, Flat):
+            without = f"without {'via points' if task.via else 'an approach'}"
             raise ValueError(
-                f"formulation is {name}, which plans {others_plan} alone; the flat formulation "
+                f"formulation is {asked.name}, which plans {without} alone; the flat formulation "
                 "plans this scene"
             )
 

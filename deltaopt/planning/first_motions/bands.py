@@ -258,7 +258,8 @@ class Bodies:
         near = distance <= self.kept + _NEAR * self.way
         found, tools = [], [("", index) for index, _ in self.scene.obstacles]
         links = [(name_of(link), index) for link, index, _ in self.scene.planned_links]
-        for row, (link, index) in zip(self._used, tools + links, strict=True):
+        used = np.flatnonzero(np.isfinite(self.kept))  # rows that are of a body
+        for row, (link, index) in zip(used, tools + links, strict=True):
             places = np.flatnonzero(near[:, row])
             if len(places):
                 place = int(places[len(places) // 2])
@@ -275,11 +276,6 @@ class Bodies:
         least = np.take_along_axis(room, nearest, axis=-2)[..., 0, :]
         push = np.take_along_axis(slope, nearest[..., None], axis=-3)[..., 0, :, :]
         return np.where(least <= _NEAR * self.way, _side(push), 0)
-
-    @property
-    def _used(self) -> Index:
-        """Rows that are of a body."""
-        return np.flatnonzero(np.isfinite(self.kept))
 
 
 def least_distances(scene: Scene) -> Array:

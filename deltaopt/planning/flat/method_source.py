@@ -6,7 +6,7 @@ makes more of one long sum than of CasADi's single operations.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 
@@ -28,6 +28,9 @@ def source(problem: PointProblem, points: int) -> str:
     loops = _loops(problem)
     C, H, second = _with_torques_eliminated(problem, loops)
     sides = problem.sides
+    # What a row of speeds depends on: X, V and, as v = V / T, the duration.
+    state = {*range(2 * problem.coordinates), problem.y.numel() - 1}
+    are_of_state = [all(a in state for other, a in C if other == r) for r in range(len(sides))]
     sizes = {
         "NM": problem.coordinates,
         "NR": problem.derivatives,
@@ -60,7 +63,7 @@ def source(problem: PointProblem, points: int) -> str:
             _present("UPPER", [upper for upper, _ in sides]),
             _present("LOWER", [lower for _, lower in sides]),
             _components(C, len(sides), 2 * problem.coordinates),
-            _present("STATE", _of_state(C, len(sides), _position_and_velocity(problem))),
+            _present("STATE", are_of_state),
             c_function(functions.prepare, "prepare_others"),
             c_function(functions.values, "values_of_others"),
             c_function(functions.second, "second_by_parts"),
@@ -131,11 +134,6 @@ def _loops(problem: PointProblem) -> list[_Loop]:
     return loops
 
 
-def _of_state(C: Entries, rows: int, components: Collection[int]) -> list[bool]:
-    """Which rows depend on these components of y alone, by the nonzeros of their derivatives."""
-    return [all(a in components for other, a in C if other == r) for r in range(rows)]
-
-
 def _components(C: Entries, rows: int, width: int) -> str:
     """A macro that says whether a row depends on a component of position or velocity."""
     masks = [sum(1 << a for a in range(width) if (r, a) in C) for r in range(rows)]
@@ -144,11 +142,6 @@ def _components(C: Entries, rows: int, width: int) -> str:
         f"static const int DEPENDS_TABLE[] = {{{table}}};\n"
         "#define DEPENDS(r, a) (DEPENDS_TABLE[r] >> (a) & 1)"
     )
-
-
-def _position_and_velocity(problem: PointProblem) -> set[int]:
-    """Components of y that a row of speeds depends on: X, V and, as v = V / T, the duration."""
-    return {*range(2 * problem.coordinates), problem.y.numel() - 1}
 
 
 def _present(name: str, sides: Sequence[bool]) -> str:

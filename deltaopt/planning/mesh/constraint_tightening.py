@@ -9,7 +9,7 @@ alone costs the excess times the limit's multiplier there, which is small if the
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,104 +58,72 @@ bodies, which more meshes must make up for; with a smaller one solutions depend 
 happen to lie, and with half of it they lead through thin bodies between them."""
 
 
-@dataclass(frozen=True)
-class Overshoot:
-    """By how much rows between the points of an interval exceed the same rows at its points.
+def tightened_where_exceeded(
+    scaling: Scaling,
+    before: Array,
+    mesh: Array,
+    points: Array,
+    size: Array,
+    tightened: Truths,
+    anywhere: Truths,
+) -> Scaling:
+    """The scaling with limits tightened, for a next ``mesh``, by as much as rows between the points
+    of an interval exceed the same rows at its points.
 
-    ``mesh``: lengths of the intervals, fractions of the duration, (N,). ``each``: the overshoot as
-    a share of the bound, (N, rows); zero for rows that are not to be tightened. ``anywhere``: rows
-    that are tightened in intervals of any length, (rows,).
+    ``scaling``: the one that a motion was found with on the mesh ``before``, which the next one
+    divides. ``points``: fractions of an interval where the bounds are imposed. ``size``: of the
+    rows at ``FRACTIONS`` of the intervals, 1 at a bound, (N, len(FRACTIONS), rows). ``tightened``:
+    which rows may be tightened, (rows,). ``anywhere``: rows that are tightened in intervals of any
+    length, (rows,); they may exceed their bounds at the points too, where a formulation's
+    coordinates close loops at nodes alone, as rows of jerk may, which are imposed on one side of
+    some points alone.
     """
-
-    mesh: Array
-    each: Array
-    anywhere: Truths | bool = False
-
-    @classmethod
-    def of(
-        cls,
-        mesh: Array,
-        points: Array,
-        size: Array,
-        tightened: Truths,
-        anywhere: Truths | bool = False,
-        shares: Array | float = 1.0,
-        jumping: Truths | bool = False,
-    ) -> Overshoot:
-        """Measure the overshoot on a mesh.
-
-        ``points``: fractions of an interval where the bounds are imposed. ``size``: of the rows at
-        ``FRACTIONS`` of the intervals, 1 at a bound, (N, len(FRACTIONS), rows). ``tightened``:
-        which rows may be tightened, (rows,). ``anywhere``: as of the class.
-        ``shares``: of their bounds that rows were to use, (N, rows): those of ``anywhere`` may
-        exceed them at the points too, where a formulation's coordinates close loops at nodes alone.
-        ``jumping``: rows of jerk, (rows,), which are imposed on one side of some points alone.
-        """
-        at_points = samples_at(points)
-        highest = size.max(axis=1)
-        over = highest - size[:, at_points].max(axis=1)
-        over = np.maximum(over, np.where(anywhere | jumping, highest - shares, 0.0))
-        return cls(mesh, np.where((highest > _NEAR_LIMIT) & tightened, over, 0.0), anywhere)
-
-    def tightened(self, scaling: Scaling, mesh: Array) -> Scaling:
-        """The scaling with tightened limits for a next ``mesh``, which divides this one.
-
-        ``scaling``: the one that the motion on this mesh was found with.
-        """
-        density = with_neighbours(self.each / self.mesh[:, None])  # where the jump may come to lie
-        inside = np.searchsorted(np.cumsum(self.mesh)[:-1], np.cumsum(mesh) - mesh / 2)
-        over = _OVERSHOOT_FACTOR * density[inside] * mesh[:, None]
-        used = 1 - scaling.shares(len(self.mesh))[inside]
-        is_whole = mesh > 0.99 * self.mesh[inside]
-        over = np.maximum(over, _KEPT_SHARE * used * is_whole[:, None])
-        smallest = np.where(
-            scaling.constraints.slid_along, _SMALLEST_SHARE_OF_PLACES, _SMALLEST_SHARE
-        )
-        smallest[scaling.constraints.in_phases] = _SMALLEST_SHARE_OF_APPROACH
-        share = np.maximum(1 - over, smallest)
-        untouched = (mesh > TIGHTENED)[:, None] & np.logical_not(self.anywhere)
-        share = np.where(untouched, UNTIGHTENED, share)
-        return replace(scaling, share=share)
+    constraints, shares = scaling.constraints, scaling.shares(len(before))
+    highest = size.max(axis=1)
+    over = highest - size[:, samples_at(points)].max(axis=1)
+    at_points_too = anywhere | (constraints.orders == 3)
+    over = np.maximum(over, np.where(at_points_too, highest - shares, 0.0))
+    over = np.where((highest > _NEAR_LIMIT) & tightened, over, 0.0)
+    density = with_neighbours(over / before[:, None])  # where the jump may come to lie
+    inside = _places_in(before, mesh)
+    over = _OVERSHOOT_FACTOR * density[inside] * mesh[:, None]
+    is_whole = mesh > 0.99 * before[inside]
+    over = np.maximum(over, _KEPT_SHARE * (1 - shares[inside]) * is_whole[:, None])
+    smallest = np.where(constraints.slid_along, _SMALLEST_SHARE_OF_PLACES, _SMALLEST_SHARE)
+    smallest[constraints.in_phases] = _SMALLEST_SHARE_OF_APPROACH
+    share = np.maximum(1 - over, smallest)
+    untouched = (mesh > TIGHTENED)[:, None] & np.logical_not(anywhere)
+    return replace(scaling, share=np.where(untouched, UNTIGHTENED, share))
 
 
-@dataclass(frozen=True)
-class Bulge:
+def bulge(points: Array, size: Array, highest: Array) -> Array:
     """By how much a motion bulges over convex limits of its position between the points of an
-    interval: over a body's side, which a motion between two points at it cuts off.
+    interval, as a share of the bound, (N, rows): over a body's side, which a motion between two
+    points at it cuts off. ``size``: as of ``tightened_where_exceeded``, of these rows.
+    ``highest``: of all instants of an interval, (N, rows)."""
+    over = np.maximum(highest - size[:, samples_at(points)].max(axis=1), 0.0)
+    return np.where(highest > _NEAR_LIMIT, over, 0.0)
 
-    ``mesh``: lengths of the intervals, fractions of the duration, (N,). ``over``: the bulge, as a
-    share of the bound, (N, rows): it falls with the square of an interval's length. ``left``: by
-    how much the bounds that were imposed at the points are exceeded there, (N, rows): what the
-    solver left.
-    """
 
-    mesh: Array
-    over: Array
-    left: Array
+def bulge_shares(
+    before: Array, mesh: Array, points: Array, size: Array, highest: Array, shares: Array
+) -> Array:
+    """Shares of the bounds of these limits for a next ``mesh``, (M, rows), which divides the one
+    ``before``: less by what a motion bulges over them, which falls with the square of an interval's
+    length, and by what it exceeds at the points the ``shares`` that it was found with, (N, rows),
+    which the solver left."""
+    at_points = size[:, samples_at(points)].max(axis=1)
+    left = np.where(highest > _NEAR_LIMIT, np.maximum(at_points - shares, 0.0), 0.0)
+    inside = _places_in(before, mesh)
+    part = (mesh / before[inside])[:, None]
+    over, left = (with_neighbours(e)[inside] for e in (bulge(points, size, highest), left))
+    tightening = _OVERSHOOT_FACTOR * (over * part**2 + left)
+    return np.maximum(1 - tightening, _SMALLEST_SHARE_OF_PLACES)
 
-    @classmethod
-    def of(
-        cls, mesh: Array, points: Array, size: Array, highest: Array, shares: Array | float
-    ) -> Bulge:
-        """Measure it on a mesh.
 
-        ``points``: fractions of an interval where the bounds are imposed. ``size``: of the rows at
-        ``FRACTIONS`` of the intervals, 1 at a bound, (N, len(FRACTIONS), rows). ``highest``: of
-        all instants of an interval, (N, rows). ``shares``: of their bounds that rows were to use,
-        (N, rows).
-        """
-        at_points = size[:, samples_at(points)].max(axis=1)
-        near = highest > _NEAR_LIMIT
-        over = np.where(near, np.maximum(highest - at_points, 0.0), 0.0)
-        return cls(mesh, over, np.where(near, np.maximum(at_points - shares, 0.0), 0.0))
-
-    def shares(self, mesh: Array) -> Array:
-        """Shares of the bounds for a next ``mesh``, (M, rows)."""
-        inside = np.searchsorted(np.cumsum(self.mesh)[:-1], np.cumsum(mesh) - mesh / 2)
-        part = (mesh / self.mesh[inside])[:, None]
-        over, left = (with_neighbours(each)[inside] for each in (self.over, self.left))
-        tightening = _OVERSHOOT_FACTOR * (over * part**2 + left)
-        return np.maximum(1 - tightening, _SMALLEST_SHARE_OF_PLACES)
+def _places_in(before: Array, mesh: Array) -> NDArray[np.intp]:
+    """The interval of a mesh that each interval of one that divides it is in, (M,)."""
+    return np.searchsorted(np.cumsum(before)[:-1], np.cumsum(mesh) - mesh / 2)
 
 
 def corner_shares(scaling: Scaling, motion: Trajectory, mesh: Array) -> Array:

@@ -18,12 +18,13 @@ from deltaopt.motion.time_scaling import fractions_of, needed_slowing
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.bends import hidden_cost, missed_cost
 from deltaopt.planning.mesh.constraint_tightening import (
-    Bulge,
-    Overshoot,
+    bulge,
+    bulge_shares,
     corner_shares,
     first_tightening,
     points_apart,
     samples_at,
+    tightened_where_exceeded,
 )
 from deltaopt.planning.mesh.edges import phases_over_edges
 from deltaopt.planning.mesh.error_estimate import (
@@ -35,7 +36,7 @@ from deltaopt.planning.mesh.error_estimate import (
 )
 from deltaopt.planning.nlp.phases import FacePhases
 from deltaopt.planning.nlp.problem import Formulated, Guess, Program, Solved
-from deltaopt.planning.nlp.scaling import Scaling
+from deltaopt.planning.nlp.scaling import UNTIGHTENED, Scaling
 from deltaopt.planning.nlp.softening import Softening
 from deltaopt.problem.problem import Problem
 
@@ -235,10 +236,10 @@ class MeshSolution:
         excess = sure_excess(self.problem, self.trajectory.position)
         constraints, limits = self.scaling.constraints, self.scaling.limits
         size = constraints.size(self.rows)[:, :, constraints.convex]
-        bulge = Bulge.of(self.mesh, self.program.points, size, size.max(axis=1), np.inf).over
         apart = points_apart(self.problem, self.trajectory, self.mesh)[:, None]
         sharp = apart / np.maximum(limits.edge_radii, apart)
-        left = np.maximum(1 - size.max(axis=1), 0.0) + bulge * sharp
+        bulges = bulge(self.program.points, size, size.max(axis=1))
+        left = np.maximum(1 - size.max(axis=1), 0.0) + bulges * sharp
         lost = self._price_of_places * left
         at_bodies = lost.sum(axis=1)
         priced = self._with_unused(at_bodies)
@@ -381,14 +382,12 @@ class MeshSolution:
         soon = cannot_slow or self._is_held(shares[:, others])
         anywhere = places | others if soon else places
         tightenable = anywhere if mesh.min() > TIGHTENED else places | others
-        tightened = self.scaling.untightened
+        tightened = replace(self.scaling, share=UNTIGHTENED)
         if tightenable.any():
             points, seen = self.program.points, self._with_missed(size, places)
-            jumping = constraints.orders == 3
-            overshoot = Overshoot.of(
-                self.mesh, points, seen, tightenable, anywhere, shares, jumping
+            tightened = tightened_where_exceeded(
+                self.scaling, self.mesh, mesh, points, seen, tightenable, anywhere
             )
-            tightened = overshoot.tightened(self.scaling, mesh)
         if self.excess is None:
             return tightened
         tightened = replace(tightened, faces=faces)
@@ -428,9 +427,9 @@ class MeshSolution:
         if scaling.faces is not None:  # the bound may be far from what it bounds beside an edge
             is_clear = scaling.faces.rows & (self.excess <= 0)
             highest = np.where(is_clear, size[:, :, convex].max(axis=1), highest)
-        bulge = Bulge.of(self.mesh, points, size[:, :, convex], highest, shares[:, convex])
+        own = points, size[:, :, convex], highest, shares[:, convex]
         rounded = corner_shares(scaling, self.trajectory, mesh)
-        share[:, convex] = np.minimum(bulge.shares(mesh), rounded)
+        share[:, convex] = np.minimum(bulge_shares(self.mesh, mesh, *own), rounded)
         return replace(scaling, share=share)
 
     @property

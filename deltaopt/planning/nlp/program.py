@@ -162,6 +162,7 @@ class Program:
                 stats["return_status"],
                 z,
             )
+        evaluating = sum(t for name, t in stats.items() if name.startswith("t_wall_nlp_"))
         return IpoptSolution(
             z=z,
             bound_multipliers=self._bound_multipliers(result, lower == upper, p),
@@ -169,7 +170,7 @@ class Program:
             status=stats["return_status"],
             iterations=stats["iter_count"],
             seconds=perf_counter() - begin,
-            spent=_spent(stats),
+            spent=Spent(evaluating, stats["t_wall_total"] - evaluating),
         )
 
     def _bound_multipliers(
@@ -212,11 +213,6 @@ class Program:
             f"Ipopt stopped after {stats['iter_count']} iterations: {stats['return_status']}; "
             f"worst constraint: {self.row_names[worst]}, violated by {violation[worst]:.1e}"
         )
-
-
-def _spent(stats: dict[str, float]) -> Spent:
-    evaluation = sum(t for name, t in stats.items() if name.startswith("t_wall_nlp_"))
-    return Spent(evaluation, stats["t_wall_total"] - evaluation)
 
 
 def _running(running: RunningCost, z: ca.MX, p: ca.MX, lam_f: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:

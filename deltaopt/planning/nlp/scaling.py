@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
@@ -158,11 +158,6 @@ class Scaling:
     def acceleration(self, acceleration: Vector3) -> Array:
         """An acceleration in m/s² in units of length over ``time`` squared, (3,)."""
         return np.array(acceleration) * (self.time**2 / self.length)
-
-    @property
-    def untightened(self) -> Scaling:
-        """This scaling with no limit tightened."""
-        return self if self.share is UNTIGHTENED else replace(self, share=UNTIGHTENED)
 
     def shares(self, intervals: int) -> Array:
         """The part of each limit that may be used in each interval, (N, rows)."""

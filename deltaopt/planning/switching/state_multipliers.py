@@ -74,7 +74,8 @@ def state_multipliers(
 ) -> Iterator[StateMultiplier]:
     """Multipliers of all state limits that are active on arcs or at contact points, in order."""
     structure, mesh = conditions.structure, conditions.mesh
-    lam, slope = conditions.multipliers_between(point), _slopes_between(conditions, point)
+    lam, h = conditions.multipliers_between(point), point.interval_lengths(mesh)[:, None, None]
+    by_time = mesh.polynomials.slope_at_dense @ conditions.multipliers(point) / h  # dλ/dt
     for entry, nu in zip(conditions.active.entries, point.entry.tolist(), strict=True):
         if entry.derivative:  # given besides the quantity itself
             continue
@@ -86,14 +87,8 @@ def state_multipliers(
         holding = entry.rows.holding[entry.motor]
         place = (conditions.active.row[mesh.arc[active]] == holding).argmax(axis=1)
         at = np.flatnonzero(active), slice(None), place
-        eta = nu - lam[at] if order else nu + slope[at]
+        eta = nu - lam[at] if order else nu + by_time[at]
         eta = sign * np.concatenate([[0.0], eta.ravel(), [nu]])
         of_velocity = _VELOCITY_BESIDE_SINGULAR if conditions.active.singular else _VELOCITY
         may_fall = of_velocity if order else _POSITION
         yield StateMultiplier(entry, active, eta, point.duration, may_fall)
-
-
-def _slopes_between(conditions: OptimalityConditions, point: PrimalDualPoint) -> Array:
-    """Derivatives by time of the multipliers λ of the active rows, (n, dense, m)."""
-    mesh, h = conditions.mesh, point.interval_lengths(conditions.mesh)[:, None, None]
-    return np.asarray(mesh.polynomials.slope_at_dense @ conditions.multipliers(point) / h)
