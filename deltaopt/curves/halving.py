@@ -7,11 +7,8 @@ from dataclasses import dataclass
 from typing import Protocol, Self, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial
-
-Truths = NDArray[np.bool]
+from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, Truths
 
 
 def bisected_number(

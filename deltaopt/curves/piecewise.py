@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Truths = NDArray[np.bool]
 
 QUINTIC = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
 """Coefficients of the share of a way at u = t / duration, ascending powers: at rest and without

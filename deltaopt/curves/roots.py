@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 
 from deltaopt.curves.bernstein import highest, parts_of
-
-Array = NDArray[np.float64]
+from deltaopt.curves.piecewise import Array
 
 _REAL = 1e-6
 """Imaginary part of a root, in lengths of its interval, that may be rounding of a double root."""

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Index, Truths
 from deltaopt.limits.limit import (
     SX,
     Bounds,
@@ -27,9 +27,6 @@ from deltaopt.limits.limit import (
 )
 from deltaopt.limits.running_cost import Running
 from deltaopt.mechanisms.instant import AnyInstant
-
-Integers = NDArray[np.intp]
-Truths = NDArray[np.bool]
 
 MIXED = -1
 """Stands for the exponent of a row that mixes several powers of the speed, or is no power at all:
@@ -121,7 +118,7 @@ class Constraints:
         return self.slices[-1].stop if self.slices else 0
 
     @cached_property
-    def orders(self) -> Integers:
+    def orders(self) -> Index:
         """The order of each row, (rows,)."""
         return self._of_rows([limit.order for limit in self.limits], np.intp)
 
@@ -215,7 +212,7 @@ class Constraints:
         return bool((self._affine_in_torque | (convex & ~self.sides[:, 0])).all())
 
     @cached_property
-    def slowing_exponents(self) -> Integers:
+    def slowing_exponents(self) -> Index:
         """How rows change when a motion is slowed and its torques change as 1/k², (rows,).
 
         A motion k times as slow has rows r₀ + (r - r₀) / kⁿ, with r₀ those at rest at the same
@@ -314,7 +311,7 @@ class Constraints:
         radii = [limit.edge_radii(own) for limit, own in items if isinstance(limit, ConvexLimit)]
         return ca.Function("edge_radii", [numbers], [ca.vertcat(*radii)])
 
-    def of_order(self, order: int) -> Integers:
+    def of_order(self, order: int) -> Index:
         """Indices of the rows of an order."""
         return np.asarray(np.flatnonzero(self.orders == order))
 

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from deltaopt.curves.bernstein import control_points_of
-from deltaopt.curves.halving import Truths
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.curves.roots import real_roots
 from deltaopt.limits.limit import PhasedLimit
 from deltaopt.motion.trajectory import Trajectory, passes

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from deltaopt.curves.piecewise import Array
 
 MET = 1e-3
 """Residual up to which Pontryagin's condition counts as met. A motion with a larger one is drawn

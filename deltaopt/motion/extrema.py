@@ -6,11 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Index
 
-Index = NDArray[np.intp]
 Curves = Callable[[Index, Array], Array]
 """(interval (N,), fraction of it (N,)) -> values (N, c) of c functions, smooth in an interval."""
 

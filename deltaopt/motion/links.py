@@ -24,8 +24,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deltaopt.curves.halving import Parts, Truths, halve_until_known
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.halving import Parts, halve_until_known
+from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.solids import Solid

@@ -17,21 +17,17 @@ from typing import NoReturn
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import RowFunction
-from deltaopt.curves.piecewise import Array, PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, Truths
 from deltaopt.errors import Unreachable
 from deltaopt.limits.constraints import MIXED, Constraints
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import PlatformInstant
-from deltaopt.motion.extrema import Index, everywhere
+from deltaopt.motion.extrema import everywhere
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.problem import Problem
 from deltaopt.robot.machine import Model
-
-Integers = NDArray[np.intp]
-Truths = NDArray[np.bool]
 
 _NOTHING = 1e-60
 """Stands for 0 as a divisor, so that what is asked of k² stays a number."""
@@ -182,14 +178,14 @@ class LoadsOfMotion:
         return Loads(rows, demands, narrow, self.slower, self.placed)
 
 
-def exponents(constraints: Constraints, squares: bool) -> Integers:
+def exponents(constraints: Constraints, squares: bool) -> Index:
     """How rows change when a motion is slowed, (rows,): ``Constraints.slowing_exponents``, but
     ``MIXED`` for rows of torques that do not change with the square of the speed (``squares``)."""
     found = constraints.slowing_exponents
     return found if squares else np.where(constraints.of_torque, MIXED, found)
 
 
-def exponents_in(problem: Problem) -> Integers:
+def exponents_in(problem: Problem) -> Index:
     """How the rows of a problem change when a motion is slowed, (rows,), as of ``exponents``."""
     return exponents(problem.limits.constraints, _squares(problem))
 
@@ -296,7 +292,7 @@ def _slope(
 
 
 def _demands(
-    constraints: Constraints, exponents: Integers, at_rest: ca.SX, rows: ca.SX, slope: ca.SX | None
+    constraints: Constraints, exponents: Index, at_rest: ca.SX, rows: ca.SX, slope: ca.SX | None
 ) -> ca.SX:
     """What rows ask of k² and then of 1/k², as in ``Loads``; ``at_rest``: the rows at rest.
     ``slope``: their derivatives by the speed, needed where they mix powers of it."""

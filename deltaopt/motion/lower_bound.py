@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.curves.halving import bisected_number
+from deltaopt.curves.piecewise import Array
 from deltaopt.files.validated_record import Vector3
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.robot.machine import Energies
@@ -25,7 +25,6 @@ from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
 
-Array = NDArray[np.float64]
 _Forces = tuple[Array, Array]
 """Torque on each arm, (3,), N·m, and force on the platform, (3,), N."""
 

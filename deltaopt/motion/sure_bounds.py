@@ -14,16 +14,13 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.bernstein import control_points_of, halves, middles
-from deltaopt.curves.halving import Truths, halve_until_known
-from deltaopt.curves.piecewise import Array, PiecewisePolynomial
+from deltaopt.curves.halving import halve_until_known
+from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, Truths
 from deltaopt.limits.constraints import Constraints
 from deltaopt.problem.problem import Problem
-
-Integers = NDArray[np.intp]
 
 _HALVINGS = 24
 """At most: a ten-millionth of an interval is some nanoseconds. What is not known then is taken to
@@ -49,9 +46,7 @@ def rows_not_kept(problem: Problem, position: PiecewisePolynomial) -> Truths:
     return np.asarray(_excess(problem, position, everywhere, _ANY)[0] > 0)
 
 
-def _excess(
-    problem: Problem, position: PiecewisePolynomial, groups: Integers, known: float
-) -> Array:
+def _excess(problem: Problem, position: PiecewisePolynomial, groups: Index, known: float) -> Array:
     """The largest excess in each of some groups of pieces, (groups, rows); ``groups``: to which
     each piece belongs. ``known``: share to which it is known where it is positive."""
     limits = problem.limits
@@ -81,7 +76,7 @@ class _Pieces:
     """Pieces of a motion: control points, (N, d + 1, 3), and the group of each, (N,)."""
 
     points: Array
-    groups: Integers
+    groups: Index
 
     def __len__(self) -> int:
         return len(self.points)

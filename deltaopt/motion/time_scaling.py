@@ -17,13 +17,11 @@ from functools import partial
 from math import factorial, inf, isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array, PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, Truths
 from deltaopt.limits.constraints import MIXED, Constraints
 from deltaopt.motion.approach_excess import approach_excess
 from deltaopt.motion.extrema import (
-    Index,
     Peaks,
     everywhere,
     narrow_valleys,
@@ -44,9 +42,6 @@ from deltaopt.motion.safe_speeds import largest_by_roots, largest_by_trying
 from deltaopt.motion.sure_bounds import sure_excess
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.problem import Problem
-
-Integers = NDArray[np.intp]
-Truths = NDArray[np.bool]
 
 _SAFE = 1e-12
 """Excess of a row of mixed powers that counts as none: rounding at its bound."""

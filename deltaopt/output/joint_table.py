@@ -13,10 +13,10 @@ from math import ceil, sqrt
 
 import numpy as np
 
-from deltaopt.curves.piecewise import Array, PiecewisePolynomial, hermite_pieces
+from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, hermite_pieces
 from deltaopt.errors import Infeasible
 from deltaopt.limits.limit import first_highest
-from deltaopt.motion.extrema import Index, everywhere, peaks, sample_fractions
+from deltaopt.motion.extrema import everywhere, peaks, sample_fractions
 from deltaopt.motion.limit_curves import LimitShares
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.of_scene import problem_of

@@ -17,9 +17,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.errors import ENDS_AN_ATTEMPT, Infeasible, if_possible
 from deltaopt.limits.running_cost import Running
 from deltaopt.motion.running_cost import cost as cost_of
@@ -34,8 +33,6 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
 from deltaopt.scene.objective import Objective
 from deltaopt.scene.scene import Scene
-
-Array = NDArray[np.float64]
 
 SMOOTH = QUADRATIC
 """The default transcription where Ipopt is asked for, chosen by `python -m studies objectives` of

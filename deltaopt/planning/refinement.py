@@ -12,8 +12,8 @@ from math import inf, isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import ENDS_AN_ATTEMPT, NotConverged
 from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.trajectory import Trajectory
@@ -38,7 +38,6 @@ if TYPE_CHECKING:  # it is loaded where a tolerance asks for it, so that other p
     from deltaopt.planning.switching.resolution import ResolvedMotion
     from deltaopt.planning.switching.resolver import SwitchResolver
 
-Array = NDArray[np.float64]
 
 _DETECTABLE_GAP, _MOST_DETECTIONS = 2e-3, 3
 """Gap below which a mesh solution shows which limit is active when, and from how many such meshes

@@ -9,8 +9,8 @@ from math import inf, isinf
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import ENDS_AN_ATTEMPT, DeltaOptError, Infeasible, NotConverged
@@ -64,7 +64,6 @@ from deltaopt.settings import RESOLVED_BELOW
 if TYPE_CHECKING:
     from deltaopt.planning.switching.resolver import SwitchResolver
 
-Array = NDArray[np.float64]
 _KEPT_DISTANCE = 1e-2
 """Squared distance to the serial singularities, sin² or cos² of an angle, that motions keep if
 their start and goal do. Ends that are closer ask for a larger allowance for rounding."""

@@ -14,13 +14,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array, Index
+from deltaopt.curves.piecewise import Array, Index, Truths
 from deltaopt.planning.first_motions.bands import Bodies, resampled, sides_of, without_bodies
 from deltaopt.scene.feasibility import room_at_rest
-
-Truths = NDArray[np.bool]
 
 _SIZES = np.array([0.05, 0.1, 0.16, 0.24, 0.34, 0.46, 0.6, 0.8, 1.0])
 _SIZES_OF_TWO = np.array([0.12, 0.3, 0.7])

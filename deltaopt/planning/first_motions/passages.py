@@ -19,9 +19,8 @@ from itertools import combinations, pairwise, product
 from math import dist, hypot, inf, tau
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.planning.first_motions.bands import least_distances, without_bodies
 from deltaopt.planning.first_motions.roadmap import path_over_grid, spacing
@@ -30,8 +29,6 @@ from deltaopt.robot.solids import Convex, Polytope, Solid
 from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
-
-Truths = NDArray[np.bool]
 
 BESIDE = (4e-4, 3e-3, 1.5e-2)
 """Distances beside bodies of the places that are connected, m. A passage is found if it is wider

@@ -17,9 +17,8 @@ from math import dist, inf
 
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import QUINTIC, PiecewisePolynomial
+from deltaopt.curves.piecewise import QUINTIC, Array, PiecewisePolynomial
 from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.bands import resampled
@@ -28,7 +27,6 @@ from deltaopt.robot.model import model_of
 from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.scene import Scene
 
-Array = NDArray[np.float64]
 Index = tuple[int, int, int]
 Room = Callable[[Array], Array]
 """Points (N, 3) in m -> how much room the platform has there, (N,), without unit and at most about

@@ -16,15 +16,12 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.curves.piecewise import Array, Index
 from deltaopt.dynamics.linear import solve_affine
 from deltaopt.limits.constraints import Constraints
 from deltaopt.planning.flat.equations import PointEquations
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.intp]
 
 
 class ByOrder(NamedTuple):
@@ -70,15 +67,15 @@ class StateRows:
     """
 
     order: int
-    derivatives: tuple[Integers, ...]
+    derivatives: tuple[Index, ...]
 
     @property
-    def value(self) -> Integers:
+    def value(self) -> Index:
         """Rows of the limited quantity, (m,)."""
         return self.derivatives[0]
 
     @property
-    def holding(self) -> Integers:
+    def holding(self) -> Index:
         """Rows that are zero as long as the limit is active, (m,): they depend on acceleration."""
         return self.derivatives[-1]
 
@@ -121,7 +118,7 @@ class ConstraintRows:
         return can_be_held(self.constraints)
 
     @property
-    def control(self) -> Integers:
+    def control(self) -> Index:
         """Indices of the control rows, (m,)."""
         return np.asarray(np.flatnonzero(self.constraints.is_control))
 

@@ -8,7 +8,6 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.running_cost import Running
@@ -17,8 +16,6 @@ from deltaopt.mechanisms.instant import PlatformInstant
 from deltaopt.planning.flat.point_problem import PointProblem
 from deltaopt.planning.nlp.cost import Cost, effort_of
 from deltaopt.planning.nlp.scaling import Parameters
-
-Integers = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)

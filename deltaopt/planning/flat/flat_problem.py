@@ -22,9 +22,8 @@ from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.errors import NotConverged
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.equations import PointEquations
@@ -43,9 +42,6 @@ from deltaopt.planning.nlp.problem import Formulated, Guess, Solved
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.problem.boundary import Boundary as Asked
-
-Array = NDArray[np.float64]
-
 
 FAR = Settings(barrier=0.2, closest=0.3)
 NEAR = Settings(barrier=0.1, closest=0.01)

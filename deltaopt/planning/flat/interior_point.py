@@ -24,12 +24,11 @@ from numpy.typing import NDArray
 
 from deltaopt.codegen.compile import library
 from deltaopt.codegen.simd_c import LANES
+from deltaopt.curves.piecewise import Array
 from deltaopt.planning.flat.interval_points import Points
 from deltaopt.planning.flat.method_source import source
 from deltaopt.planning.flat.point_problem import PointProblem
 from deltaopt.planning.plan import Spent
-
-Array = NDArray[np.float64]
 
 STATUS = (
     "Solve_Succeeded",

@@ -18,9 +18,8 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.planning.formulations.loop_closure import LoopClosure
 from deltaopt.planning.formulations.scaled_mechanism import (
@@ -33,8 +32,6 @@ from deltaopt.planning.nlp.points import Layout, PointFunction, Points
 from deltaopt.planning.nlp.program import OF_EFFORT, IpoptSolution, Options, Program, RunningCost
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.nlp.variables import Variables
-
-Array = NDArray[np.float64]
 
 REGULARISATION = 1e-3
 """ε above, relative to the duration. A larger one saves iterations; this one changes durations by

@@ -8,9 +8,8 @@ from typing import ClassVar
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.errors import NotConverged
 from deltaopt.limits.constraints import Constraints
@@ -26,8 +25,6 @@ from deltaopt.planning.formulations.scaled_mechanism import (
 )
 from deltaopt.planning.nlp.problem import IPOPT_FINEST, Guess, Solved
 from deltaopt.planning.nlp.scaling import Parameters, Scaling
-
-Array = NDArray[np.float64]
 
 
 def scaled_delta(functions: Functions, constraints: Constraints) -> ScaledMechanism:

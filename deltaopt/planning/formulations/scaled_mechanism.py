@@ -13,12 +13,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.constraint_matrix import ClosedForm
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.errors import DependentConstraints
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

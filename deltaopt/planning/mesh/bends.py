@@ -19,13 +19,12 @@ from __future__ import annotations
 from math import factorial, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.limits.running_cost import Running
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.problem import Objective
 
-Array = NDArray[np.float64]
 _CONTINUOUS, _END = 1 / 6, 1 / sqrt(3)
 """What torques that may not jump miss, as a share of how far they bend within an interval; in the
 first and the last the root of the mean square of a straight line that falls from 1 to 0."""

@@ -14,15 +14,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, TIGHTENED
 from deltaopt.planning.nlp.phases import with_neighbours
 from deltaopt.planning.nlp.scaling import UNTIGHTENED, Scaling
 from deltaopt.problem.problem import Problem
-
-Array = NDArray[np.float64]
-Truths = NDArray[np.bool]
 
 _OVERSHOOT_FACTOR = 1.25
 """Tightening over the overshoot that was seen. The next motion overshoots about as much; a larger

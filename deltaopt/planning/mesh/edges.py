@@ -18,18 +18,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Index, Truths
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.motion.sure_bounds import distances_from_faces
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.nlp.phases import FacePhases
 from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.problem import Problem
-
-Integers = NDArray[np.intp]
-Truths = NDArray[np.bool]
 
 _SHARP = 2e-5
 """Radius of edges, m, up to which they are sharp."""
@@ -147,7 +143,7 @@ def _samples(motion: Trajectory) -> tuple[Array, Array]:
     return times, motion.position.at(motion.knots[0] + motion.duration * times)
 
 
-def _fewest_changes(distances: Array, rounding: float) -> Integers | None:
+def _fewest_changes(distances: Array, rounding: float) -> Index | None:
     """Which face a motion is clear of at each sample, (N,), with as few changes as possible, each
     where it is as far as possible from both; from its distances, (N, faces), m. None where it is
     clear of no face."""

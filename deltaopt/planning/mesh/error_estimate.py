@@ -25,10 +25,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.planning.nlp.phases import joined, with_neighbours
-
-Array = NDArray[np.float64]
-Truths = NDArray[np.bool]
 
 FRACTIONS = np.linspace(0.0, 1.0, 25)
 """Fractions of every interval where constraint rows are evaluated, both ends included."""

@@ -10,7 +10,6 @@ from dataclasses import replace
 from math import inf, isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.errors import NotConverged
 from deltaopt.motion.time_scaling import highest_rows
@@ -18,8 +17,6 @@ from deltaopt.planning.mesh.error_estimate import split
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, solve_on_mesh
 from deltaopt.planning.nlp.phases import with_neighbours
 from deltaopt.planning.nlp.problem import Formulated, Guess
-
-Array = NDArray[np.float64]
 
 KEPT = 1e-10
 """Excess over a limit, as a share of it, that counts as none: a tenth of what verification

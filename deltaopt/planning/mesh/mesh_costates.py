@@ -20,16 +20,13 @@ as constant as with resolved switches.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import PiecewisePolynomial, hermite_pieces
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial, hermite_pieces
 from deltaopt.motion.certificate import Certificate, spread
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.constraint_rows import ConstraintRows
 from deltaopt.planning.mesh.mesh_solution import MeshSolution
 from deltaopt.planning.nlp.scaling import Scaling
-
-Array = NDArray[np.float64]
 
 FADE_LENGTH = 0.05
 """Part of the motion over which a shift returns to zero. A longer one averages more of the unknown

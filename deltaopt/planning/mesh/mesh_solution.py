@@ -7,8 +7,8 @@ from functools import cached_property
 from math import inf, isinf
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.limits.constraints import Constraints
 from deltaopt.motion.approach_excess import approach_rows
 from deltaopt.motion.loads import Loads, NeededSlowing, loads_inside
@@ -39,9 +39,6 @@ from deltaopt.planning.nlp.problem import Formulated, Guess, Program, Solved
 from deltaopt.planning.nlp.scaling import UNTIGHTENED, Scaling
 from deltaopt.planning.nlp.softening import Softening
 from deltaopt.problem.problem import Problem
-
-Array = NDArray[np.float64]
-Truths = NDArray[np.bool]
 
 _NEARLY_LAST = 5e-3
 """Gap of a motion that cannot be slowed below which the next mesh may be the last. Limits that are

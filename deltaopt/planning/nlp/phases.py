@@ -7,14 +7,11 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.motion.trajectory import Trajectory, passes
 from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.problem import Problem
-
-Array = NDArray[np.float64]
-Truths = NDArray[np.bool]
 
 _FEWEST = 4
 """Intervals of a phase on the first mesh at least: fewer cannot speed up and slow down."""

@@ -15,12 +15,9 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.codegen.compile import compiled
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.intp]
+from deltaopt.curves.piecewise import Array, Index
 
 Derivatives = list[tuple[ca.Function, ca.Sparsity]]
 """Jacobian and Hessian, each as a function whose last result is the nonzeros, and the sparsity."""
@@ -84,7 +81,7 @@ class Layout:
     ``names``: of the rows, for error messages; empty if the rows are no constraints.
     """
 
-    columns: Integers
+    columns: Index
     weights: Array
     names: tuple[str, ...] = ()
 
@@ -203,9 +200,9 @@ def assemble_hessian(curvature: Sequence[Entries], n: int) -> ca.MX:
 
 
 def _scatter(
-    rows: Integers,
-    columns: Integers,
-    source: Integers,
+    rows: Index,
+    columns: Index,
+    source: Index,
     weights: Array,
     values: ca.MX,
     shape: tuple[int, int],
@@ -224,7 +221,7 @@ def _scatter(
     return ca.MX(sparsity, ca.mtimes(combine, values))
 
 
-def _sparse(rows: Integers, columns: Integers, values: Array, n_rows: int, n_columns: int) -> ca.DM:
+def _sparse(rows: Index, columns: Index, values: Array, n_rows: int, n_columns: int) -> ca.DM:
     """A sparse matrix from triplets; equal places add up, zeros are left out."""
     keep = values != 0
     places, target = np.unique(columns[keep] * n_rows + rows[keep], return_inverse=True)

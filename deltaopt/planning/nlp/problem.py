@@ -6,16 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.plan import Spent
-
-Array = NDArray[np.float64]
-
 
 IPOPT_FINEST = 300
 """Number of intervals of the finest mesh that is solved by Ipopt: every refinement multiplies its

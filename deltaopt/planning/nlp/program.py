@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import NotConverged
 from deltaopt.interrupts.requests import interrupts_not_lost
 from deltaopt.planning.nlp.points import (
@@ -28,9 +29,6 @@ from deltaopt.planning.nlp.points import (
     assemble_rows,
 )
 from deltaopt.planning.plan import Spent
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.intp]
 
 Options = dict[str, str | float | int | bool]
 

@@ -8,9 +8,8 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.files.validated_record import Vector3
 from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.running_cost import Running
@@ -21,8 +20,6 @@ from deltaopt.planning.nlp.phases import FacePhases
 from deltaopt.planning.nlp.softening import Softening
 from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.problem import Problem
-
-Array = NDArray[np.float64]
 
 UNTIGHTENED = 1.0
 """Share of every limit that a motion may use where no limit is tightened."""

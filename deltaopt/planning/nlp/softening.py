@@ -20,13 +20,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.nlp.phases import with_neighbours
 from deltaopt.problem.problem import Problem
-
-Array = NDArray[np.float64]
 
 _RESOLVED = 0.7
 """Width of a change of sign, as a share of what a speed changes by in an interval. With half of it

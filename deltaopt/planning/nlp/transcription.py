@@ -19,11 +19,10 @@ from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import Legendre, Polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deltaopt.curves.nodes import lagrange
-
-Array = NDArray[np.float64]
+from deltaopt.curves.piecewise import Array
 
 
 @dataclass(frozen=True)

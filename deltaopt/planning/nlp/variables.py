@@ -13,10 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.planning.nlp.points import Layout
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,18 @@ from functools import cached_property
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, quintic_rest, shifted
+from deltaopt.curves.piecewise import (
+    Array,
+    Index,
+    PiecewisePolynomial,
+    Truths,
+    quintic_rest,
+    shifted,
+)
 from deltaopt.planning.path.path_rows import Places
 from deltaopt.planning.path.sweep import Speeds
 from deltaopt.scene.path import Path
-
-Truths = NDArray[np.bool]
 
 _SAME = 1e-10
 """Share of the path within which two nodes are one."""

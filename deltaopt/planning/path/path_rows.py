@@ -19,10 +19,9 @@ from math import pi
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import RowFunction
-from deltaopt.curves.piecewise import Array, Index
+from deltaopt.curves.piecewise import Array, Index, Truths
 from deltaopt.errors import SceneError
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.functions import Functions
@@ -34,7 +33,6 @@ from deltaopt.scene.path import Path
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath
 
-Truths = NDArray[np.bool]
 _STRAIGHT = 1e-12
 """Share of the square of p″ that is across p′, below which a path counts as straight."""
 

@@ -15,16 +15,13 @@ from functools import cached_property
 from itertools import combinations, product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.planning.switching.arc_mesh import DENSE
 from deltaopt.planning.switching.conditions import state_rows
 from deltaopt.planning.switching.residuals import OptimalityResiduals
 from deltaopt.planning.switching.state_multipliers import StateMultiplier
 from deltaopt.planning.switching.structure import Arc, MotorArc
-
-Array = NDArray[np.float64]
-Truths = NDArray[np.bool]
 
 Change = tuple[tuple[int, MotorArc], ...]
 """What should be active for a time, as (motor, arc of that motor) of every motor."""

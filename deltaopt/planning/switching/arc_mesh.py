@@ -13,13 +13,10 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.polynomial.legendre import legder, legvander
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array, Index
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.switching.structure import SwitchingStructure
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.intp]
 
 DENSE = np.linspace(0.0, 1.0, 21)
 """Fractions of every interval, both ends included, at which a motion is checked between its
@@ -29,7 +26,7 @@ _LONGEST = 0.15
 are cut later anyway because polynomials stray from the limits between nodes."""
 
 
-def parts_of(lengths: Array) -> Integers:
+def parts_of(lengths: Array) -> Index:
     """Numbers of intervals for arcs of these lengths, fractions of the duration, (arcs,)."""
     return np.ceil(lengths / _LONGEST).clip(1).astype(np.intp)
 
@@ -76,9 +73,9 @@ class ArcMesh:
     interval. ``modes``: number of Legendre coefficients of a singular control on each arc, (arcs,).
     """
 
-    parts: Integers
+    parts: Index
     polynomials: Polynomials
-    modes: Integers
+    modes: Index
 
     @classmethod
     def of(cls, structure: SwitchingStructure, degree: int, more_modes: int = 0) -> ArcMesh:
@@ -89,12 +86,12 @@ class ArcMesh:
         return cls(parts_of(lengths), polynomials(degree), np.ceil(modes).astype(np.intp))
 
     @cached_property
-    def arc(self) -> Integers:
+    def arc(self) -> Index:
         """The arc of each interval, (n,)."""
         return np.repeat(np.arange(len(self.parts)), self.parts)
 
     @cached_property
-    def first(self) -> Integers:
+    def first(self) -> Index:
         """The first interval of each arc, (arcs,)."""
         return np.cumsum(self.parts) - self.parts
 

@@ -21,18 +21,13 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, Truths
 from deltaopt.planning.flat.constraint_rows import ConstraintRows, StateRows
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.switching.arc_mesh import DENSE, ArcMesh
 from deltaopt.planning.switching.structure import INACTIVE, ActiveLimits, Arc, SwitchingStructure
 from deltaopt.planning.switching.unknowns import KKTIndex, PrimalDualPoint
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.intp]
-Truths = NDArray[np.bool]
 
 _LEAST_LENGTH = 1e-9
 """Shortest interval, in units of the scaling's time, that is a part of the resulting motion."""
@@ -100,7 +95,7 @@ class ActiveRows:
     (arc, motor) where the row is a singular control, whose value is an unknown polynomial.
     """
 
-    row: Integers
+    row: Index
     value: Array
     follows: Truths
     singular: tuple[tuple[int, int], ...]
@@ -191,7 +186,7 @@ class OptimalityConditions:
         )
 
     @cached_property
-    def bounded(self) -> Integers:
+    def bounded(self) -> Index:
         """Indices of the rows that a barrier may bound: controls and velocities. Positions are left
         to the active-set update."""
         velocity = self.rows.velocity

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.switching.short_arcs import without_short_arcs
 from deltaopt.planning.switching.structure import (
@@ -22,13 +22,10 @@ from deltaopt.planning.switching.structure import (
     MotorArc,
     Signs,
     SwitchingStructure,
-    Truths,
     active_at,
     assembled,
     joined,
 )
-
-Array = NDArray[np.float64]
 
 _SIMULTANEOUS = 2e-4
 """Fraction of the duration: switches detected closer to each other become one. A larger value loses

@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.codegen.dense_solver import solve
+from deltaopt.curves.piecewise import Array
 from deltaopt.planning.switching.conditions import OptimalityConditions
 from deltaopt.planning.switching.kkt_terms import BarrierTerms, Derivatives, Dual, Primal
 from deltaopt.planning.switching.unknowns import PrimalDualPoint
-
-Array = NDArray[np.float64]
 
 _REGULARISATION = 1e-9
 """Cost of the square of a singular control: of motions that are equally fast the calmest is chosen.

@@ -11,13 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.switching.conditions import Barrier, OptimalityConditions
 from deltaopt.planning.switching.kkt_system import KKTSystem
 from deltaopt.planning.switching.unknowns import PrimalDualPoint
-
-Array = NDArray[np.float64]
 
 _ITERATIONS = 40
 """Most steps: those that converge take far fewer, also with a barrier."""

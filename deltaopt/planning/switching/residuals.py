@@ -11,15 +11,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.planning.switching.arc_mesh import DENSE
 from deltaopt.planning.switching.conditions import EndValue, OptimalityConditions
 from deltaopt.planning.switching.state_multipliers import StateMultiplier, state_multipliers
 from deltaopt.planning.switching.unknowns import PrimalDualPoint
-
-Array = NDArray[np.float64]
-Truths = NDArray[np.bool]
 
 
 @dataclass(frozen=True)

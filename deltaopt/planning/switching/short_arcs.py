@@ -11,11 +11,9 @@ from __future__ import annotations
 from itertools import groupby, pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.planning.switching.structure import SwitchingStructure, determined, number_active
-
-Array = NDArray[np.float64]
 
 _SAME = 1e-9
 """Difference of two times, as a fraction of the duration, that is rounding."""

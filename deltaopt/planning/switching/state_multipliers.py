@@ -19,13 +19,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.planning.switching.conditions import EntryCondition, OptimalityConditions
 from deltaopt.planning.switching.unknowns import PrimalDualPoint
-
-Array = NDArray[np.float64]
-Truths = NDArray[np.bool]
 
 _VELOCITY, _VELOCITY_BESIDE_SINGULAR, _POSITION = 1e-5, 1e-4, 1e-3
 """By how much a multiplier may fall, as a fraction of the duration per unit of a row: of order 1;

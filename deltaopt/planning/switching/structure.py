@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from deltaopt.curves.piecewise import Array, Truths
+
 Signs = NDArray[np.int8]
-Truths = NDArray[np.bool]
 
 VANISHED = 1e-5
 """Length, as a fraction of the duration, below which an arc is left out. A larger value loses arcs

@@ -7,12 +7,9 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array, Index
 from deltaopt.planning.switching.arc_mesh import ArcMesh
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -117,7 +114,7 @@ class KKTIndex:
         self.width = self.right + 1 + self.coefficients
         self.duals = np.concatenate([costates, self.entries, self.end_values])
 
-    def state(self, knot: int) -> Integers:
+    def state(self, knot: int) -> Index:
         """Places of (X, V) at a knot, (2 m,); the bin for the first, which is given."""
         begin = self.states * (knot - 1) if knot else self.size
         return np.arange(begin, begin + self.states)
@@ -132,7 +129,7 @@ class KKTIndex:
         return np.asarray(rows[:, :size], np.float64), np.asarray(rows[:, size], np.float64)
 
     @cached_property
-    def _sum(self) -> tuple[Integers, Integers, Array]:
+    def _sum(self) -> tuple[Index, Index, Array]:
         """Of every number that an interval adds: where it goes, where it is, its factor."""
         size, parts = self.size + self.states, []
         for i in range(self._mesh.intervals):
@@ -146,7 +143,7 @@ class KKTIndex:
         )
         return where, source, factors
 
-    def _border(self, interval: int) -> tuple[Integers, Integers, Array]:
+    def _border(self, interval: int) -> tuple[Index, Index, Array]:
         """Unknowns outside of an interval: their places in what it adds, in the system, and
         factors: its length h is a part of that of its arc."""
         a = int(self._mesh.arc[interval])
