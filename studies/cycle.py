@@ -19,7 +19,7 @@ import numpy as np
 
 import deltaopt
 from deltaopt.curves.piecewise import Array
-from deltaopt.planning.path.path_over_bodies import rounded_path_over
+from deltaopt.planning.comparisons import rounded_path_over
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.task import OnPath

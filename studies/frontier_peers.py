@@ -20,7 +20,7 @@ import deltaopt
 from deltaopt.curves.piecewise import Array
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.controller_c import c_functions
-from deltaopt.planning.path.path_over_bodies import rounded_path_over
+from deltaopt.planning.comparisons import rounded_path_over
 from deltaopt.robot.robot import as_delta
 from deltaopt.scene.scene import Scene
 from studies.bench.fixed_paths import (

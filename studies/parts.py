@@ -25,7 +25,7 @@ from deltaopt.errors import DeltaOptError
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.running_cost import squared_torques
 from deltaopt.output.cycle_files import verified
-from deltaopt.planning.path.path_over_bodies import rounded_path_over
+from deltaopt.planning.comparisons import rounded_path_over
 from deltaopt.plots.colours import LINE_COLOURS
 from deltaopt.plots.style import figure, name_lines, without_box
 from deltaopt.robot.model import delta_model

@@ -14,6 +14,7 @@ from math import inf
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import DeltaOptError, NotConverged
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.first_motions.initial_motion import Proposal
 from deltaopt.planning.first_motions.moving_ends import intervals_after_waiting
 from deltaopt.planning.first_motions.multistart import distinct
 from deltaopt.planning.first_motions.order_of_merit import (
@@ -22,7 +23,6 @@ from deltaopt.planning.first_motions.order_of_merit import (
     is_slow,
     rounds,
 )
-from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.planning.mesh.error_estimate import split
 from deltaopt.planning.nlp.phases import first_mesh
 from deltaopt.planning.nlp.scaling import Scaling

@@ -31,7 +31,7 @@ from deltaopt.planning.attempts import (
 from deltaopt.planning.first_motions.around_bodies import is_clear, with_stops
 from deltaopt.planning.first_motions.bands import sampled
 from deltaopt.planning.first_motions.belt import not_found
-from deltaopt.planning.first_motions.initial_motion import has_time_to_wait
+from deltaopt.planning.first_motions.initial_motion import Proposal, has_time_to_wait
 from deltaopt.planning.first_motions.moving_ends import first_moving_motions
 from deltaopt.planning.first_motions.order_of_merit import (
     CrossesSingularity,
@@ -39,7 +39,6 @@ from deltaopt.planning.first_motions.order_of_merit import (
     timed_axis,
 )
 from deltaopt.planning.first_motions.passages import paths_of_lines
-from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.planning.journal import Journal
 from deltaopt.planning.mesh.kept_limits import KEPT
 from deltaopt.planning.plan import Plan, plan_as_it_is, quicker

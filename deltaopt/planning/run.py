@@ -37,11 +37,11 @@ from deltaopt.planning.first_motions.around_bodies import (
     is_clear,
     name_of_way,
 )
+from deltaopt.planning.first_motions.initial_motion import Proposal
 from deltaopt.planning.first_motions.moving_ends import first_moving_motions
 from deltaopt.planning.first_motions.multistart import other_motions
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.first_motions.passages import paths_of_lines
-from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.planning.first_motions.through_gates import simple_motions, through_gates
 from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.in_flight import finished_first

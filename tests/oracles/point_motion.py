@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.planning.flat.interval_points import Points
+from deltaopt.planning.flat.interior_point import Points
 from tests.oracles.sparse_program import QUIET
 
 Array = NDArray[np.float64]

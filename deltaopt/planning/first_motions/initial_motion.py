@@ -1,4 +1,5 @@
-"""Initial motions, without optimisation: the straight line, or a curve where it is blocked."""
+"""Initial motions, without optimisation, which are proposed to the planner: the straight line, or a
+curve where it is blocked."""
 
 from __future__ import annotations
 
@@ -6,6 +7,7 @@ from collections.abc import Callable, Iterator
 from functools import lru_cache
 from itertools import product
 from math import comb, isinf
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -44,6 +46,15 @@ _UNRESOLVED = 1e-20
 """Factor below which the torques that accelerate a motion of a second are lost in rounding."""
 _MOST_SPEEDS = 10
 """Each brings a motion nearer to its fastest by seven orders of magnitude."""
+
+
+class Proposal(NamedTuple):
+    """A first ``motion``, and its ``name``: a noun phrase, such as "a straight line". ``legs``: of
+    how many that are the best ones by themselves it is made; 0 where it is not."""
+
+    name: str
+    motion: Trajectory
+    legs: int = 0
 
 
 def straight_line(model: Model, start: Vector3, goal: Vector3, duration: float) -> Trajectory:

@@ -18,8 +18,8 @@ from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.motion.loads import sizes_at
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
+from deltaopt.planning.first_motions.initial_motion import Proposal
 from deltaopt.planning.first_motions.order_of_merit import first_motion
-from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene

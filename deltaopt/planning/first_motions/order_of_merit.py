@@ -19,12 +19,12 @@ from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import (
     PARABOLAS_AND_CUBICS,
+    Proposal,
     detour,
     joint_line,
     line,
     roughly_fastest,
 )
-from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.planning.first_motions.roadmap import STEPS, roadmap_motions, spacing
 from deltaopt.planning.path.path_planning import fastest_on_path
 from deltaopt.problem.of_scene import problem_of

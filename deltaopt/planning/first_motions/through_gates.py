@@ -19,6 +19,7 @@ from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.time_scaling import rough_factor
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
+from deltaopt.planning.first_motions.initial_motion import Proposal
 from deltaopt.planning.first_motions.moving_ends import (
     end_of,
     first_between,
@@ -27,7 +28,6 @@ from deltaopt.planning.first_motions.moving_ends import (
     shortest_to_goal,
     stopping,
 )
-from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
 from deltaopt.scene.feasibility import room_at_rest

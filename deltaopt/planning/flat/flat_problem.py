@@ -28,14 +28,16 @@ from deltaopt.errors import NotConverged
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.flat.interior_point import (
+    OF_ACCELERATION,
+    OF_JERK,
     Boundary,
     CompiledMethod,
     InteriorPointSolution,
     Phase,
+    Points,
     Settings,
     interior_point,
 )
-from deltaopt.planning.flat.interval_points import OF_ACCELERATION, OF_JERK, Points
 from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.phases import joined, parts
 from deltaopt.planning.nlp.problem import Formulated, Guess, Solved

@@ -17,15 +17,15 @@ import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.codegen.compile import library
+from deltaopt.codegen.dense_solver import solve
 from deltaopt.codegen.simd_c import LANES
 from deltaopt.curves.piecewise import Array
-from deltaopt.planning.flat.interval_points import Points
 from deltaopt.planning.flat.method_source import source
 from deltaopt.planning.flat.point_problem import PointProblem
 from deltaopt.planning.plan import Spent
@@ -44,6 +44,34 @@ _LOG = logging.getLogger(__name__)
 """Iterations are told at the level DEBUG, and cost nothing otherwise."""
 _TRACED = 4
 """Numbers of each iteration, as in ``problem.c``."""
+
+
+@dataclass(frozen=True)
+class Points:
+    """Where limits hold in every interval: ``fractions`` of it; in which of its ``thirds`` each is,
+    of cubics that meet there, at whose ends jerk jumps; and ``weights`` of integrals over it."""
+
+    fractions: tuple[float, ...]
+    thirds: tuple[int, ...]
+    weights: tuple[float, ...]
+
+    @classmethod
+    def of(cls, fractions: Sequence[float]) -> Self:
+        """Points with weights that integrate the polynomial through them."""
+        powers = np.vander(np.array(fractions), increasing=True).T
+        weights = solve(powers, 1 / np.arange(1, len(fractions) + 1))
+        assert weights is not None  # points differ
+        return cls(tuple(fractions), (0,) * len(fractions), tuple(weights.tolist()))
+
+
+OF_JERK = Points((0.0, 1 / 3, 2 / 3, 1.0), (0, 1, 1, 2), (1 / 3, 1 / 6, 1 / 6, 1 / 3))
+"""Points of cubics in thirds, one or two in each. Their weights integrate the square of jerk, which
+is constant in each, exactly."""
+OF_ACCELERATION = replace(OF_JERK, weights=(1 / 6, 1 / 3, 1 / 3, 1 / 6))
+"""The same points with the weights of the trapezoidal rule, for integrals of what is continuous,
+such as torques. They weigh all ends of thirds alike, as the integral of an acceleration does that
+is linear between them. By weights of a higher order, which differ, torques that ripple from one end
+to the next would cost less than steady ones."""
 
 
 @dataclass(frozen=True)

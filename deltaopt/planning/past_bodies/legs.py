@@ -14,8 +14,8 @@ from itertools import pairwise
 
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.first_motions.initial_motion import Proposal
 from deltaopt.planning.first_motions.moving_ends import end_of, run_up_to, start_of, stopping
-from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.planning.first_motions.through_gates import places_of_gates
 from deltaopt.planning.plan import Plan
 from deltaopt.problem.of_scene import problem_of

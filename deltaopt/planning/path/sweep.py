@@ -1,27 +1,36 @@
 """The fastest speeds along a path that keep affine rows: reachability, backwards and forwards.
 
-``sweep.c`` says how, and does it; a linear program does the same without a compiler.
+``sweep.c`` says how, and does it. A linear program does the same without a compiler: the largest b
+at all nodes is that of the largest sum. Of all u that lead from node to node, those of a cell are
+chosen that are nearest to each other. Speeds are the same but where u may change little in a cell:
+the sweep leaves something to spare there, of the duration some 1e-6.
 """
 
 from __future__ import annotations
 
 import ctypes
+from bisect import bisect_left
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
 from typing import Any
 
+import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from deltaopt.codegen.compile import library
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import Infeasible
-from deltaopt.planning.path.linear_program import fastest
 from deltaopt.planning.path.path_rows import AffineRows
 
 FASTEST = 1e6
 """The largest b where no row bounds it, in the units of the sweep, in which motions have b of about
 one. Speeds are found downwards from it, and known to its rounding."""
+_VANISHING, _LOSING, _STEEPEST = 1e-13, 0.1, 50.0
+"""As in ``sweep.c``: an alpha that is none; the share of a row's range at which a row that loses
+its u counts; and how much u may then change in a cell, in units of its range."""
+_OPTIONS = {"output_flag": False, "primal_feasibility_tolerance": 1e-10}
 
 
 @dataclass(frozen=True)
@@ -65,7 +74,7 @@ def _swept(
     """The fastest b and u in units of the path's length and of the largest alpha."""
     code, n = compiled(), len(h)
     if code is None:
-        found = fastest(h, rows, start, goal, FASTEST, convex)
+        found = _by_linear_program(h, rows, start, goal, FASTEST, convex)
         if isinstance(found, int | None):
             raise Unattainable(found)
         return found
@@ -103,3 +112,90 @@ def compiled() -> Any:
     code = ctypes.CDLL(str(built))
     code.sweep.restype = code.on_mesh.restype = ctypes.c_int64
     return code
+
+
+def _by_linear_program(
+    h: Array, rows: AffineRows, start: float, goal: float, most: float, convex: bool
+) -> tuple[Array, Array] | int | None:
+    """b at the nodes, (N + 1,), at most ``most``, and u at both ends of every cell, (N, 2); where
+    there are none, the last node from which no speed leads to the goal, or None where only the
+    speed at the start is wrong."""
+    change = _largest_changes(h, rows, convex)
+    b = _largest(h, rows, change, (start, start), goal, most)
+    if b is not None:
+        return b, _accelerations(h, rows, change, b)
+
+    def leads_to_goal(node: int) -> bool:
+        left = AffineRows(*(each[2 * node :] for each in vars(rows).values()))
+        return _largest(h[node:], left, change[node:], (0.0, most), goal, most) is not None
+
+    first = bisect_left(range(len(h)), True, key=leads_to_goal)
+    return first - 1 if first else None
+
+
+def _largest_changes(h: Array, rows: AffineRows, convex: bool) -> Array:
+    """By how much u may change in each cell, (N,): not at all where no row depends on it at an end,
+    and little where a row does at one end alone."""
+    a = np.abs(rows.alpha).reshape(len(h), 2, -1)
+    there, width = a > _VANISHING, (rows.high - rows.low).reshape(a.shape)
+    room = np.divide(width, a, out=np.full(a.shape, np.inf), where=there).min(axis=(1, 2))
+    finite = np.where(np.isfinite(room), room, 0.0)
+    loses = there.any(axis=1) & (a.min(axis=1) * finite[:, None] < _LOSING)
+    is_little = convex & np.isfinite(room) & loses.any(axis=1)
+    change = np.where(is_little, _STEEPEST * h * finite, np.inf)
+    acts = there & np.isfinite(np.minimum(-rows.low, rows.high)).reshape(a.shape)
+    return np.where(np.asarray(acts.any(axis=2)).all(axis=1), change, 0.0)
+
+
+def _largest(
+    h: Array, rows: AffineRows, change: Array, start: tuple[float, float], goal: float, most: float
+) -> Array | None:
+    """The largest b at the nodes; None if there are none. Unknown are b, then all u."""
+    cells, ends, m = np.arange(len(h)), np.arange(2 * len(h)), rows.alpha.shape[1]
+    nodes, one = len(h) + 1, np.ones(len(h))
+    first, last = nodes + 2 * cells, nodes + 2 * cells + 1
+    of_ends = m * ends[:, None] + np.arange(m)
+    entries = [  # rows, columns, values: b' = 2 u, the rows, the changes of u
+        *((cells, cells + k, (2 * k - 1) * one) for k in (0, 1)),
+        *((cells, columns, -h) for columns in (first, last)),
+        (len(h) + of_ends, nodes + ends[:, None], rows.alpha),
+        (len(h) + of_ends, (ends[:, None] + 1) // 2, rows.beta),
+        *((len(h) + m * len(ends) + cells, c, s * one) for c, s in ((first, -1), (last, 1))),
+    ]
+    shape = (len(h) * (2 + 2 * m), nodes + len(ends))
+    A = _matrix([np.broadcast_arrays(*each) for each in entries], shape)
+    low, high = (
+        np.concatenate([0 * h, bound.ravel(), sign * change])
+        for bound, sign in ((rows.low, -1), (rows.high, 1))
+    )
+    free = np.full(len(ends), np.inf)
+    least = np.concatenate([[start[0]], np.zeros(nodes - 2), [goal], -free])
+    largest = np.concatenate([[start[1]], np.full(nodes - 2, most), [goal], free])
+    program = {"h": ca.Sparsity(shape[1], shape[1]), "a": A.sparsity()}
+    solver = ca.conic("speeds", "highs", program, {"error_on_fail": False, "highs": _OPTIONS})
+    cost = np.concatenate([-np.ones(nodes), np.zeros(len(ends))])
+    found = solver(g=cost, a=A, lba=low, uba=high, lbx=least, ubx=largest)["x"]
+    return np.asarray(found[:nodes]).ravel() if solver.stats()["success"] else None
+
+
+def _matrix(entries: list[tuple[NDArray[np.generic], ...]], shape: tuple[int, int]) -> ca.DM:
+    rows, columns, values = (
+        np.concatenate([each.ravel() for each in of]) for of in zip(*entries, strict=True)
+    )
+    return ca.DM.triplet(rows.tolist(), columns.tolist(), ca.DM(values), *shape)
+
+
+def _accelerations(h: Array, rows: AffineRows, change: Array, b: Array) -> Array:
+    """u at both ends of every cell, (N, 2), as near to each other as rows allow."""
+    at_ends = np.repeat(b, 2)[1:-1, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        bounds = [(each - rows.beta * at_ends) / rows.alpha for each in (rows.low, rows.high)]
+    there = np.abs(rows.alpha) > _VANISHING
+    slow = np.where(there, np.minimum(*bounds), -np.inf).max(axis=1).reshape(-1, 2)
+    fast = np.where(there, np.maximum(*bounds), np.inf).min(axis=1).reshape(-1, 2)
+    total = np.diff(b) / h
+    least = np.maximum(np.maximum(slow[:, 0], total - fast[:, 1]), (total - change) / 2)
+    most = np.minimum(np.minimum(fast[:, 0], total - slow[:, 1]), (total + change) / 2)
+    between = np.maximum(np.minimum(total / 2, most), least)
+    first = np.where(least > most, (least + most) / 2, between)
+    return np.stack([first, total - first], axis=1)

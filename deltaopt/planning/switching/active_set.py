@@ -19,8 +19,7 @@ import numpy as np
 from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.planning.switching.arc_mesh import DENSE
 from deltaopt.planning.switching.conditions import state_rows
-from deltaopt.planning.switching.residuals import OptimalityResiduals
-from deltaopt.planning.switching.state_multipliers import StateMultiplier
+from deltaopt.planning.switching.residuals import OptimalityResiduals, StateMultiplier
 from deltaopt.planning.switching.structure import Arc, MotorArc
 
 Change = tuple[tuple[int, MotorArc], ...]

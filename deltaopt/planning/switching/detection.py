@@ -3,7 +3,7 @@
 A mesh shows where controls and states are at their limits, and its multipliers which of these
 limits matter. What begins and ends within a few intervals is blurred there: jumps of controls are
 put where their mean over the blurred intervals says, and switches that are one but are detected an
-interval or two apart are put together (``short_arcs``).
+interval or two apart are put together (``without_short_arcs``).
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import numpy as np
 
 from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.planning.flat.constraint_rows import ByOrder
-from deltaopt.planning.switching.short_arcs import without_short_arcs
 from deltaopt.planning.switching.structure import (
     INACTIVE,
     ActiveLimits,
@@ -25,6 +24,7 @@ from deltaopt.planning.switching.structure import (
     active_at,
     assembled,
     joined,
+    without_short_arcs,
 )
 
 _SIMULTANEOUS = 2e-4

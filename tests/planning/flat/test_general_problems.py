@@ -21,14 +21,15 @@ from deltaopt.codegen.compile import library
 from deltaopt.limits.constraints import Alike
 from deltaopt.planning.flat import interior_point as module
 from deltaopt.planning.flat.interior_point import (
+    OF_JERK,
     Boundary,
     CompiledMethod,
     InteriorPointSolution,
     Phase,
+    Points,
     Settings,
     interior_point,
 )
-from deltaopt.planning.flat.interval_points import OF_JERK, Points
 from deltaopt.planning.flat.method_source import source
 from deltaopt.planning.flat.point_problem import PointProblem
 from tests.oracles.point_motion import (

@@ -11,7 +11,7 @@ import pytest
 from deltaopt import plan
 from deltaopt.mechanisms.instant import AnyInstant, PlatformInstant
 from deltaopt.motion.sure_bounds import distances_from_faces, signed_distances
-from deltaopt.planning.flat.interval_points import Points
+from deltaopt.planning.flat.interior_point import Points
 from deltaopt.planning.mesh.edges import phases_over_edges
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt.planning.comparisons import straight_lines
-from deltaopt.planning.path.path_over_bodies import rounded_path_over
+from deltaopt.planning.comparisons import rounded_path_over, straight_lines
 from studies.problems import PROBLEMS
 
 WALL = deltaopt.load_scene(PROBLEMS / "keep_out/wall_25_305_25.yaml")

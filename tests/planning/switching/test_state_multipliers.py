@@ -13,7 +13,7 @@ from deltaopt.planning.switching.arc_mesh import ArcMesh
 from deltaopt.planning.switching.conditions import OptimalityConditions
 from deltaopt.planning.switching.detection import detect_structure
 from deltaopt.planning.switching.newton import solve_conditions
-from deltaopt.planning.switching.state_multipliers import state_multipliers
+from deltaopt.planning.switching.residuals import state_multipliers
 from tests.planned_scenes import machine_code, random_move, resolved, scaling_of
 from tests.planning.switching.test_exact_answers import LINES, UNEVEN, Line
 
