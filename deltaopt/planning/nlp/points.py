@@ -9,7 +9,7 @@ and formulation.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,8 +19,8 @@ import numpy as np
 from deltaopt.codegen.compile import compiled
 from deltaopt.curves.piecewise import Array, Index
 
-Derivatives = list[tuple[ca.Function, ca.Sparsity]]
-"""Jacobian and Hessian, each as a function whose last result is the nonzeros, and the sparsity."""
+Derivative = tuple[ca.Function, ca.Sparsity]
+"""A Jacobian or Hessian: a function whose last result is the nonzeros, and the sparsity."""
 
 
 @dataclass(frozen=True)
@@ -46,31 +46,23 @@ class PointFunction:
         _, p, r = self._expressions
         return np.flatnonzero(ca.which_depends(r, p, 1, False)).tolist()
 
-    @property
-    def jacobian(self) -> tuple[ca.Function, ca.Sparsity]:
-        """(y, own p) -> r and the nonzeros of ∂r/∂y; their sparsity."""
-        return self.derivatives[0]
-
-    @property
-    def hessian(self) -> tuple[ca.Function, ca.Sparsity]:
-        """(y, own p, λ) -> the nonzeros of ∂²(λ·r)/∂y²; their sparsity."""
-        return self.derivatives[1]
-
     @cached_property
-    def derivatives(self) -> Derivatives:
-        """``jacobian`` and ``hessian``, as machine code where there is a compiler."""
-        functions, sparsities = zip(*self.derived, strict=True)
-        return list(zip(compiled(functions), sparsities, strict=True))
+    def derivatives(self) -> tuple[Derivative, Derivative]:
+        """(y, own p) -> r and the nonzeros of ∂r/∂y, and (y, own p, λ) -> those of ∂²(λ·r)/∂y²: as
+        machine code where there is a compiler."""
+        (jacobian, of_jacobian), (hessian, of_hessian) = self.derived
+        jacobian, hessian = compiled((jacobian, hessian))
+        return (jacobian, of_jacobian), (hessian, of_hessian)
 
     @property
-    def derived(self) -> Derivatives:
-        """``jacobian`` and ``hessian`` as CasADi derives them."""
+    def derived(self) -> tuple[Derivative, Derivative]:
+        """``derivatives`` as CasADi derives them."""
         y, p, r = self._expressions
         lam = ca.SX.sym("lam", r.numel())
         J, H = ca.jacobian(r, y), ca.hessian(ca.dot(lam, r), y)[0]
         jacobian = ca.Function("jacobian", [y, p[self.own]], [r, J.nz[:]], {"cse": True})
         hessian = ca.Function("hessian", [y, p[self.own], lam], [H.nz[:]], {"cse": True})
-        return [(jacobian, J.sparsity()), (hessian, H.sparsity())]
+        return (jacobian, J.sparsity()), (hessian, H.sparsity())
 
 
 @dataclass(frozen=True)
@@ -135,32 +127,37 @@ Entries = tuple[Points, ca.Sparsity, ca.MX]
 """Derivatives at points: the sparsity at one point, and the nonzeros at all, point by point."""
 
 
+def derived_at(
+    points: Points, z: ca.MX, p: ca.MX, multipliers: ca.MX
+) -> tuple[ca.MX, Entries, Entries]:
+    """Of a point function at all points, with ``multipliers`` of its rows, (rows, points): its
+    rows, (rows, points), its Jacobians and its Hessians."""
+    n = points.number
+    y = ca.reshape(ca.mtimes(points.layout.matrix(z.numel()), z), -1, n)
+    ps = ca.repmat(p[points.function.own], 1, n)
+    (jacobian, J_sparsity), (hessian, H_sparsity) = points.function.derivatives
+    r, J = jacobian.map(n)(y, ps)
+    H = hessian.map(n)(y, ps, multipliers)
+    return r, (points, J_sparsity, ca.vec(J)), (points, H_sparsity, ca.vec(H))
+
+
 def assemble_rows(
-    linear: Layout,
-    of: Sequence[Points],
-    derivatives: Callable[[PointFunction], Derivatives],
-    z: ca.MX,
-    p: ca.MX,
-    multipliers: ca.MX,
+    linear: Layout, of: Sequence[Points], z: ca.MX, p: ca.MX, multipliers: ca.MX
 ) -> tuple[ca.MX, ca.MX, list[Entries]]:
     """Assemble all rows, linear ones first, their Jacobian, and the Hessians at the points of the
     rows times ``multipliers``, which ``assemble_hessian`` takes."""
-    n = z.numel()
-    G = linear.matrix(n)
+    G = linear.matrix(z.numel())
     rows, slopes, curvature = [ca.mtimes(G, z)], list[Entries](), list[Entries]()
     first = len(linear.columns)
     for points in of:
         N, nr = points.number, points.rows
-        y = ca.reshape(ca.mtimes(points.layout.matrix(n), z), -1, N)
-        ps = ca.repmat(p[points.function.own], 1, N)
-        (jacobian, J_sparsity), (hessian, H_sparsity) = derivatives(points.function)
-        r, J = jacobian.map(N)(y, ps)
-        H = hessian.map(N)(y, ps, ca.reshape(multipliers[first : first + N * nr], nr, N))
+        own = ca.reshape(multipliers[first : first + N * nr], nr, N)
+        r, J, H = derived_at(points, z, p, own)
         rows.append(ca.vec(r))
-        slopes.append((points, J_sparsity, ca.vec(J)))
-        curvature.append((points, H_sparsity, ca.vec(H)))
+        slopes.append(J)
+        curvature.append(H)
         first += N * nr
-    return ca.vertcat(*rows), assemble_jacobian(G, slopes, n), curvature
+    return ca.vertcat(*rows), assemble_jacobian(G, slopes, z.numel()), curvature
 
 
 def assemble_jacobian(G: ca.DM, slopes: Sequence[Entries], n: int) -> ca.MX:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
-from operator import attrgetter
 from time import perf_counter
 from typing import Any
 
@@ -22,11 +21,13 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.errors import NotConverged
 from deltaopt.interrupts.requests import interrupts_not_lost
 from deltaopt.planning.nlp.points import (
+    Entries,
     Layout,
     Points,
     assemble_hessian,
     assemble_jacobian,
     assemble_rows,
+    derived_at,
 )
 from deltaopt.planning.plan import Spent
 
@@ -187,12 +188,11 @@ class Program:
         z, p = ca.MX.sym("z", self._n), ca.MX.sym("p", np_)
         lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(self._lower_rows))
         f, gradient = ca.dot(ca.DM(cost), z), ca.MX(ca.DM(cost))
-        derivatives = attrgetter("derivatives")
-        g, jac, curvature = assemble_rows(self.linear, self.points, derivatives, z, p, lam_g)
+        g, jac, curvature = assemble_rows(self.linear, self.points, z, p, lam_g)
         if running is not None:
             value, slope, curved = _running(running, z, p, lam_f)
             f, gradient = f + value, gradient + slope
-            curvature.append((running.points, running.points.function.hessian[1], curved))
+            curvature.append(curved)
         hess = assemble_hessian(curvature, self._n)
         program = {"x": z, "p": p, "f": f, "g": g}
         functions = {
@@ -213,16 +213,13 @@ class Program:
         )
 
 
-def _running(running: RunningCost, z: ca.MX, p: ca.MX, lam_f: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
-    """Value, gradient (dense) and nonzeros of the points' Hessians of a running cost."""
-    points, n = running.points, running.points.number
+def _running(
+    running: RunningCost, z: ca.MX, p: ca.MX, lam_f: ca.MX
+) -> tuple[ca.MX, ca.MX, Entries]:
+    """Value, gradient (dense) and the points' Hessians of a running cost."""
     weights = ca.DM(running.weights).T
-    y = ca.reshape(ca.mtimes(points.layout.matrix(z.numel()), z), -1, n)
-    ps = ca.repmat(p[points.function.own], 1, n)
-    jacobian, sparsity = points.function.jacobian
-    r, J = jacobian.map(n)(y, ps)
+    r, (points, sparsity, J), H = derived_at(running.points, z, p, lam_f * weights)
     nnz = sparsity.nnz()
-    weighted = ca.vec(ca.reshape(J, nnz, n) * ca.repmat(weights, nnz, 1))
+    weighted = ca.vec(ca.reshape(J, nnz, points.number) * ca.repmat(weights, nnz, 1))
     rows = assemble_jacobian(ca.DM(0, z.numel()), [(points, sparsity, weighted)], z.numel())
-    H = points.function.hessian[0].map(n)(y, ps, lam_f * weights)
-    return ca.dot(weights, r), ca.densify(ca.sum1(rows)).T, ca.vec(H)
+    return ca.dot(weights, r), ca.densify(ca.sum1(rows)).T, H
