@@ -25,8 +25,7 @@ from deltaopt.motion.running_cost import cost as cost_of
 from deltaopt.motion.trajectory import Trajectory, goal_of, passes
 from deltaopt.planning.first_motions.initial_motion import waiting_motions
 from deltaopt.planning.mesh.error_estimate import split
-from deltaopt.planning.nlp.cost import FASTEST, SMOOTHLY_FASTEST, Cost
-from deltaopt.planning.nlp.problem import Formulated, Guess
+from deltaopt.planning.nlp.problem import FASTEST, SMOOTHLY_FASTEST, Cost, Formulated, Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import QUADRATIC
 from deltaopt.problem.of_scene import problem_of

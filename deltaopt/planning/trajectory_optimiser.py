@@ -37,13 +37,13 @@ from deltaopt.planning.first_motions.order_of_merit import (
     crosses_singularity,
     intervals_for,
 )
-from deltaopt.planning.formulations.choice import Flat, ProblemFormulation, problem_formulation
+from deltaopt.planning.formulations.choice import Flat, ProblemFormulation, Redundant
 from deltaopt.planning.journal import Progress
 from deltaopt.planning.mesh.gap import gap_of, iteration_of
 from deltaopt.planning.mesh.kept_limits import kept_or_slowed
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, motion_on_first_mesh
-from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.problem import (
+    Cost,
     Formulated,
     Guess,
     InteriorPoint,
@@ -296,7 +296,10 @@ class TrajectoryOptimiser:
 
     @property
     def problem_formulation(self) -> ProblemFormulation:
-        return problem_formulation(Flat() if self.formulation is None else self.formulation)
+        """The formulation of the problem that a user means: one of the dynamics stands for the
+        problem in all twelve coordinates."""
+        asked = self.formulation or Flat()
+        return Redundant(asked) if isinstance(asked, Multiplier | Projected) else asked
 
     @property
     def _solver(self) -> Solver:

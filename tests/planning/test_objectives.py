@@ -18,7 +18,7 @@ from deltaopt.motion.running_cost import cost, effort
 from deltaopt.motion.time_scaling import highest_rows
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.equations import PointEquations
-from deltaopt.planning.nlp.cost import Cost
+from deltaopt.planning.nlp.problem import Cost
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import (

@@ -14,7 +14,7 @@ from deltaopt.limits.running_cost import Running
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import PlatformInstant
 from deltaopt.planning.flat.point_problem import PointProblem
-from deltaopt.planning.nlp.cost import Cost, effort_of
+from deltaopt.planning.nlp.problem import Cost, effort_of
 from deltaopt.planning.nlp.scaling import Parameters
 
 

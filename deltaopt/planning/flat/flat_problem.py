@@ -38,9 +38,8 @@ from deltaopt.planning.flat.interior_point import (
     Settings,
     interior_point,
 )
-from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.phases import joined, parts
-from deltaopt.planning.nlp.problem import Formulated, Guess, Solved
+from deltaopt.planning.nlp.problem import Cost, Formulated, Guess, Solved
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.problem.boundary import Boundary as Asked

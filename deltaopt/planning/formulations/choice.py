@@ -25,8 +25,7 @@ from deltaopt.planning.formulations.equations import (
 )
 from deltaopt.planning.formulations.loop_closure import KnotConstraints, LoopClosure
 from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
-from deltaopt.planning.nlp.cost import FASTEST, Cost
-from deltaopt.planning.nlp.problem import Formulated, InteriorPoint, Ipopt, Solver
+from deltaopt.planning.nlp.problem import FASTEST, Cost, Formulated, InteriorPoint, Ipopt, Solver
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 
 _FAST, _IPOPT = InteriorPoint(), Ipopt()
@@ -156,15 +155,3 @@ def _equations(
     formulation: ProblemFormulation, functions: Functions, constraints: Constraints
 ) -> Equations:
     return formulation.equations(scaled_delta(functions, constraints))
-
-
-def problem_formulation(
-    formulation: ProblemFormulation | Multiplier | Projected,
-) -> ProblemFormulation:
-    """The formulation of the problem that a user means.
-
-    A formulation of the dynamics stands for the problem in all twelve coordinates.
-    """
-    if isinstance(formulation, Multiplier | Projected):
-        return Redundant(formulation)
-    return formulation

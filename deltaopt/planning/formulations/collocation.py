@@ -27,8 +27,8 @@ from deltaopt.planning.formulations.scaled_mechanism import (
     ScaledMechanism,
     units_at,
 )
-from deltaopt.planning.nlp.cost import FASTEST, Cost, effort_of
 from deltaopt.planning.nlp.points import Layout, PointFunction, Points
+from deltaopt.planning.nlp.problem import FASTEST, Cost, effort_of
 from deltaopt.planning.nlp.program import OF_EFFORT, IpoptSolution, Options, Program, RunningCost
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.nlp.variables import Variables

@@ -2,18 +2,24 @@
 
 First motions on different sides of bodies (``around_bodies``) are solved on a coarse mesh each;
 what is fast there is planned.
+
+Each body is a row at every point of a mesh, and most are far away. So motions are planned past the
+bodies that are near, and are then known to be clear of the others, or planned again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import dist, inf
 
 import numpy as np
+from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import ENDS_AN_ATTEMPT, DeltaOptError, Infeasible, if_possible
+from deltaopt.motion.sure_bounds import rows_not_kept, signed_distances
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.first_motions.around_bodies import (
@@ -22,11 +28,11 @@ from deltaopt.planning.first_motions.around_bodies import (
     no_way,
     ways_around,
 )
-from deltaopt.planning.first_motions.bands import Bodies
+from deltaopt.planning.first_motions.bands import Bodies, least_distances
 from deltaopt.planning.first_motions.moving_ends import end_of, from_state_to_state, start_of
-from deltaopt.planning.past_bodies.near_bodies import near, past_these, those_hit, with_those_hit
 from deltaopt.planning.plan import Plan, TakenWay, quicker
 from deltaopt.planning.refinement import Slower
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingPoint
@@ -66,6 +72,11 @@ durations, at so many instants, are the same motion, to what a first mesh is sol
 
 Planning = Callable[[Attempt], Plan]
 """Plans from an attempt. Raises an error that ends an attempt."""
+_NEAR = 0.05
+"""Of the way from start to goal: motions are planned past bodies that a first motion comes nearer
+to. A smaller share leaves more to be planned again, a larger one makes every mesh slower."""
+_SAMPLES = 65
+"""Places of a motion at which it is looked at for that."""
 
 
 def fastest_way(
@@ -328,3 +339,48 @@ def _is_same(one: Trajectory, other: Trajectory) -> bool:
     )
     way = dist(first[-1], first[0])
     return float(np.abs(first - second).max()) < _SAME_MOTION * way
+
+
+def near(scene: Scene, position: PiecewisePolynomial) -> frozenset[int]:
+    """The bodies that a motion comes near, by samples."""
+    x = position.at(np.linspace(position.knots[0], position.knots[-1], _SAMPLES))
+    distances, _ = signed_distances(problem_of(scene), x)
+    way = float(np.linalg.norm(x[-1] - x[0]))
+    kept = least_distances(scene) + _NEAR * way
+    return _of_rows(scene, np.asarray((distances <= kept).any(axis=0)))
+
+
+def with_those_hit(scene: Scene, part: Scene, position: PiecewisePolynomial) -> Scene | None:
+    """A scene with some of the bodies of another and with those besides that a motion runs into;
+    None if there are none to add."""
+    kept, every = part.keep_out or (), scene.keep_out or ()
+    if len(kept) == len(every):
+        return None
+    absent = [i for i, body in enumerate(every) if not any(body is each for each in kept)]
+    others = past_these(scene, absent)
+    hit = {absent[i] for i in those_hit(others, position)}
+    present = set(range(len(every))) - set(absent)
+    return past_these(scene, present | hit) if hit else None
+
+
+def those_hit(scene: Scene, position: PiecewisePolynomial) -> frozenset[int]:
+    """The bodies that a motion runs into."""
+    return _of_rows(scene, rows_not_kept(problem_of(scene), position))
+
+
+def past_these(scene: Scene, bodies: Collection[int]) -> Scene:
+    """A scene with some of its bodies alone; itself if these are all, or links of the robot are
+    planned to keep clear of bodies, by their indices."""
+    every = scene.keep_out or ()
+    if len(bodies) == len(every) or scene.planned_links:
+        return scene
+    chosen = [every[index] for index in sorted(bodies)]
+    return scene.model_copy(update={"keep_out": chosen or None})
+
+
+def _of_rows(scene: Scene, rows: NDArray[np.bool]) -> frozenset[int]:
+    """The bodies of some rows, (rows,)."""
+    used = rows[np.isfinite(least_distances(scene))]
+    return frozenset(
+        index for (index, _), chosen in zip(scene.obstacles, used, strict=True) if chosen
+    )

@@ -33,21 +33,6 @@ _LEAST_LENGTH = 1e-9
 """Shortest interval, in units of the scaling's time, that is a part of the resulting motion."""
 
 
-@dataclass(frozen=True)
-class Barrier:
-    """An interior-point barrier that keeps rows which are not active within their limits.
-
-    Slack times multiplier, per time, is ``first`` at the beginning and falls by the factor ``fall``
-    from step to step to ``last``, which is at most what the barrier costs per limit, as a fraction
-    of the duration. A lower ``last`` costs steps, a lower ``fall`` robustness. Without a barrier a
-    step is cheaper, and rows that exceed their limits are only noticed afterwards.
-    """
-
-    first: float = 1e-2
-    last: float = 1e-7
-    fall: float = 0.3
-
-
 class EntryCondition(NamedTuple):
     """A row that must have a value at the beginning of an arc."""
 
@@ -156,8 +141,10 @@ class OptimalityConditions:
     """The conditions for one structure and scene, and what they are evaluated with.
 
     ``goal``: (X, V) at the goal, scaled, (2 m,). ``p``: the parameters of the rows. ``end_values``:
-    given values of singular controls. ``barrier``: None where limits that are not active are only
-    checked afterwards.
+    given values of singular controls. ``barrier``: slack times multiplier, per time, to which an
+    interior-point barrier falls that keeps rows which are not active within their limits: at most
+    what it costs per limit, as a fraction of the duration; a lower one costs steps. 0 without a
+    barrier: a step is cheaper, and rows that exceed their limits are only noticed afterwards.
     """
 
     rows: ConstraintRows
@@ -166,7 +153,7 @@ class OptimalityConditions:
     goal: Array
     p: Array
     end_values: tuple[EndValue, ...] = ()
-    barrier: Barrier | None = None
+    barrier: float = 0.0
 
     @cached_property
     def active(self) -> ActiveRows:
@@ -202,7 +189,7 @@ class OptimalityConditions:
         within = np.zeros(
             (mesh.intervals, len(mesh.polynomials.nodes), m + len(self.bounded)), bool
         )
-        if self.barrier is None:
+        if not self.barrier:
             return within
         within[..., :m] = self.active.is_singular()[mesh.arc][:, None]
         within[..., m : 2 * m] = self.active.follows[mesh.arc][:, None]

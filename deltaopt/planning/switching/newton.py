@@ -14,12 +14,15 @@ from numpy.typing import NDArray
 from deltaopt.curves.piecewise import Array
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.nlp.scaling import Scaling
-from deltaopt.planning.switching.conditions import Barrier, OptimalityConditions
+from deltaopt.planning.switching.conditions import OptimalityConditions
 from deltaopt.planning.switching.kkt_system import KKTSystem
 from deltaopt.planning.switching.unknowns import PrimalDualPoint
 
 _ITERATIONS = 40
 """Most steps: those that converge take far fewer, also with a barrier."""
+_FIRST_BARRIER, _FALL = 1e-2, 0.3
+"""The barrier of the first step, if there is one, and by what factor it falls from step to step: a
+lower one costs robustness."""
 _PATIENCE, _PATIENCE_WITH_BARRIER, _FAR = 8, 20, 1.0
 """Steps without and with a barrier after which a residual that never came below ``_FAR`` is given
 up. Structures that converge come below it in fewer; most of those that do not are recognised by
@@ -87,10 +90,8 @@ class _Newton:
     """One run from a starting point."""
 
     def __init__(self, conditions: OptimalityConditions, start: PrimalDualPoint) -> None:
-        barrier = conditions.barrier
-        active = barrier is not None and bool(conditions.within.any())
-        self._method = barrier if barrier is not None and active else Barrier(0.0, 0.0)
-        self._conditions, self._barrier = conditions, self._method.first
+        self._last = conditions.barrier if conditions.within.any() else 0.0
+        self._conditions, self._barrier = conditions, _FIRST_BARRIER if self._last else 0.0
         point = _with_slacks(conditions, start, self._barrier)
         self._system, self._shift = KKTSystem(conditions, point, self._barrier), 0.0
         self._residual = self._least = np.inf
@@ -106,14 +107,14 @@ class _Newton:
             vanishing = self._vanishing()
             stalled = before < 2 * self._residual < _STALLED
             converged = self._residual < _CONVERGED or stalled
-            if converged and self._barrier <= self._method.last:
+            if converged and self._barrier <= self._last:
                 return self._ended(self._polished(), iteration)
             if self._reversed_for > 2 and self._residual < _NEARLY:
                 return self._ended(self._system.at, iteration, vanishing)
             if iteration > 2 and vanishing.any():
                 return self._ended(self._system.at, iteration, vanishing)
             self._give_up_if_far(iteration)
-            self._barrier = max(self._barrier * self._method.fall, self._method.last)
+            self._barrier = max(self._barrier * _FALL, self._last)
             self._move()
         if self._lengths.min() < 0 and self._residual < 1:  # exchanged switches may converge
             return self._ended(self._system.at, _ITERATIONS)
@@ -136,7 +137,7 @@ class _Newton:
 
     def _give_up_if_far(self, iteration: int) -> None:
         self._least = min(self._least, self._residual)
-        patience = _PATIENCE_WITH_BARRIER if self._method.last else _PATIENCE
+        patience = _PATIENCE_WITH_BARRIER if self._last else _PATIENCE
         if iteration >= patience and self._least > _FAR:
             left = f"a residual of {self._residual:.0e} is left after {iteration} steps"
             raise NewtonFailed(left)
@@ -173,7 +174,7 @@ class _Newton:
         """The converged point, without a barrier with the multipliers that share its symmetry,
         unless these lead away from it: where rows all but imply each other, they may."""
         converged = self._system.at
-        if self._method.last:
+        if self._last:
             return converged
         point = _with_multipliers(self._conditions, converged)
         step = KKTSystem(self._conditions, point).step(redundant=_SYMMETRIC)

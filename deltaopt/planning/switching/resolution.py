@@ -21,7 +21,7 @@ from deltaopt.planning.flat.constraint_rows import ConstraintRows
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.switching.active_set import changes
 from deltaopt.planning.switching.arc_mesh import ArcMesh
-from deltaopt.planning.switching.conditions import Barrier, EndValue, OptimalityConditions
+from deltaopt.planning.switching.conditions import EndValue, OptimalityConditions
 from deltaopt.planning.switching.kkt_system import KKTSystem
 from deltaopt.planning.switching.newton import NewtonFailed, StationaryPoint, solve_conditions
 from deltaopt.planning.switching.residuals import OptimalityResiduals
@@ -116,12 +116,12 @@ def resolve_switches(
     guess: Trajectory,
     scaling: Scaling,
     tolerance: float,
-    barrier: Barrier | None = None,
+    barrier: float = 0.0,
 ) -> ResolvedMotion:
     """The optimal motion whose structure is near the given one, with a gap within ``tolerance``.
 
-    ``guess``: a motion of about this structure. ``barrier``: for rows that are not active; without
-    one their limits are only checked afterwards.
+    ``guess``: a motion of about this structure. ``barrier``: as of
+    ``OptimalityConditions``.
 
     Raises Unresolved if no such motion is found.
     """
@@ -165,7 +165,7 @@ class _Task:
     model: Model
     scaling: Scaling
     tolerance: float
-    barrier: Barrier | None
+    barrier: float
 
     def outcome(self, candidate: _Candidate, guess: Trajectory) -> _Outcome:
         """Solves for a candidate and examines what is found. Raises NewtonFailed."""

@@ -19,7 +19,7 @@ from deltaopt.planning.flat.equations import point_equations
 from deltaopt.planning.mesh.mesh_costates import certify_mesh
 from deltaopt.planning.mesh.mesh_solution import MeshSolution
 from deltaopt.planning.nlp.scaling import Scaling
-from deltaopt.planning.switching.conditions import ActiveRows, Barrier
+from deltaopt.planning.switching.conditions import ActiveRows
 from deltaopt.planning.switching.detection import (
     BY_MULTIPLIERS,
     SHARP,
@@ -126,12 +126,12 @@ class SwitchResolver:
             held[rows] = kept is None or i in kept
         return held
 
-    def _barriers(self, structure: SwitchingStructure) -> tuple[Barrier | None, ...]:
-        """None first; then one, where there is anything that it would keep within limits."""
+    def _barriers(self, structure: SwitchingStructure) -> tuple[float, ...]:
+        """Without one first; then with, where there is anything to be kept within limits."""
         active = ActiveRows.of(self.rows, structure)
         if self.rows.velocity is None and not (active.singular or active.follows.any()):
-            return (None,)
-        return None, Barrier(last=self.tolerance / 10)
+            return (0.0,)
+        return 0.0, self.tolerance / 10
 
 
 def resolver(

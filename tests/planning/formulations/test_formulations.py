@@ -26,7 +26,7 @@ from deltaopt.planning.formulations.loop_closure import (
     KnotConstraints,
     Projection,
 )
-from deltaopt.planning.nlp.cost import Cost
+from deltaopt.planning.nlp.problem import Cost
 from deltaopt.planning.nlp.program import IPOPT
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.robot.model import delta_model

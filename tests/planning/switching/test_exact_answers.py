@@ -23,8 +23,7 @@ from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.flat.flat_problem import compiled_flat
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, ErrorEstimate, error_estimate, refined
-from deltaopt.planning.nlp.cost import FASTEST, Cost
-from deltaopt.planning.nlp.problem import Guess, Solved
+from deltaopt.planning.nlp.problem import FASTEST, Cost, Guess, Solved
 from deltaopt.planning.nlp.scaling import Parameters, Scaling
 from deltaopt.planning.nlp.transcription import LINEAR
 from deltaopt.problem.boundary import Boundary
