@@ -18,6 +18,7 @@ of the first guess, torques by their limits.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import ClassVar
 
@@ -101,7 +102,7 @@ class FlatEquations:
     cost: Cost
     by_ipopt: Formulated | None
 
-    @property
+    @cached_property
     def together(self) -> int:
         """How many intervals of a mesh are one of the method: the thirds of its cubics."""
         return 3 if self.method.problem.derivatives == 3 else 1

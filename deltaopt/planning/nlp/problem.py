@@ -1,4 +1,4 @@
-"""Problems as the planner sees them, whatever their variables: costs, solvers, guesses, solutions."""
+"""Problems as the planner sees them, whatever their variables: costs, solvers, guesses and so on."""
 
 from __future__ import annotations
 
