@@ -1,4 +1,4 @@
-"""Problems as the planner sees them, whatever their variables: costs, solvers, guesses and so on."""
+"""Problems as the planner sees them, whatever their variables: costs, solvers, solutions."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.nlp.phases import with_neighbours
 from deltaopt.problem.problem import Problem
@@ -109,7 +109,7 @@ class Softening:
             found = (found + share * change) / (1 - covered)
         return np.where(self.is_least(each), found, rows)
 
-    def is_least(self, widths: Array) -> NDArray[np.bool]:
+    def is_least(self, widths: Array) -> Truths:
         """Which ``widths`` are the least there are, so that no finer mesh has smaller ones."""
         return widths < _NEARLY * self.least
 
