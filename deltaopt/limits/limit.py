@@ -15,7 +15,6 @@ from typing import Any, Protocol, TypeVar
 import casadi as ca
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.files.validated_record import Vector3
@@ -75,7 +74,7 @@ class Described(Protocol):
         ...
 
     @property
-    def axis_of_tube(self) -> NDArray[np.float64]:
+    def axis_of_tube(self) -> Array:
         """That path: polynomials over shares from 0 to 1 of its pieces, (pieces, powers, 3), m."""
         ...
 

@@ -6,9 +6,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Index
 from deltaopt.motion.limit_curves import LimitCurves, limit_curves
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.problem import Problem
@@ -158,7 +157,7 @@ def _signed(values: Array, lower: float, upper: float) -> Array:
 
 def _spans(at: Array, begins: Array, ends: Array) -> Iterator[Span]:
     """The runs of equal nonzero values of ``at``, (N,): 1 at an upper bound, -1 at a lower."""
-    changes: NDArray[np.intp] = np.flatnonzero(np.diff(at)) + 1
+    changes: Index = np.flatnonzero(np.diff(at)) + 1
     for first, last in zip([0, *changes.tolist()], [*changes.tolist(), len(at)], strict=True):
         if at[first]:
             yield Span(float(begins[first]), float(ends[last - 1]), bool(at[first] > 0))

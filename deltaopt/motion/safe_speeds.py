@@ -12,10 +12,9 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.curves.bernstein import to_bernstein
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Truths
 
 Excesses = Callable[[Array], Array]
 """Speeds (S,) -> excesses (S, n), positive where a bound is exceeded."""
@@ -75,7 +74,7 @@ def _roots(coefficients: Array) -> Array:
     return np.asarray(1 / real[real > 1])
 
 
-def _never_positive(coefficients: Array) -> NDArray[np.bool]:
+def _never_positive(coefficients: Array) -> Truths:
     """Which polynomials, (powers, n), are not positive on [0, 1] because none of the coefficients
     of their Bernstein form is, whose convex hull they stay in: (n,)."""
     return np.asarray((to_bernstein(len(coefficients) - 1) @ coefficients <= 0).all(axis=0))

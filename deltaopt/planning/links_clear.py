@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Truths
 from deltaopt.errors import Infeasible, NotConverged, if_possible
 from deltaopt.limits.limit import OwnMeasure
 from deltaopt.motion.limit_sensitivity import Multipliers
@@ -157,5 +157,5 @@ def _least(scene: Scene, link: int) -> float:
     return as_delta(scene.robot).link_radius(link) + scene.least_clearance
 
 
-def _pairs(which: NDArray[np.bool]) -> list[tuple[int, int]]:
+def _pairs(which: Truths) -> list[tuple[int, int]]:
     return [(int(link), int(body)) for link, body in np.argwhere(which)]

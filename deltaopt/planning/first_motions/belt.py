@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.errors import Infeasible, in_words
 from deltaopt.motion.loads import sizes_at
 from deltaopt.motion.lower_bound import soonest
@@ -55,7 +54,7 @@ class Meetings:
         return cls(scene, goal, near, times, sizes * counted)  # out of reach is out of reach
 
     @cached_property
-    def possible(self) -> NDArray[np.bool]:
+    def possible(self) -> Truths:
         """At which of the times the belt can be met as far as positions and speeds go, (N,)."""
         return np.asarray((self.sizes <= 1).all(axis=1))  # False where not a number
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from deltaopt.codegen.compile import library
 from deltaopt.codegen.dense_solver import solve
 from deltaopt.codegen.simd_c import LANES
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.planning.flat.method_source import source
 from deltaopt.planning.flat.point_problem import PointProblem
 from deltaopt.planning.plan import Spent
@@ -109,7 +109,7 @@ class Boundary:
     """
 
     state: Array
-    free: NDArray[np.bool_]
+    free: Truths
     drift: Array
     radius: float = 0.0
 

@@ -11,9 +11,8 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Index, Truths
 from deltaopt.dynamics.constraint_matrix import ClosedForm
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX, Mechanism
@@ -48,9 +47,9 @@ class LimitRows:
     """
 
     function: ca.Function
-    orders: NDArray[np.intp]
-    sides: NDArray[np.bool]
-    is_control: NDArray[np.bool]
+    orders: Index
+    sides: Truths
+    is_control: Truths
     of_independent: ca.Function | None = None
 
     @property
@@ -77,7 +76,7 @@ class BoundaryValues:
     goal: Array
     rates: Array | float = 0.0
     drift: Array | float = 0.0
-    free: NDArray[np.bool] | bool = False
+    free: Truths | bool = False
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array, Truths
+from deltaopt.curves.piecewise import Array, Index, Truths
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, TIGHTENED
@@ -119,7 +118,7 @@ def bulge_shares(
     return np.maximum(1 - tightening, _SMALLEST_SHARE_OF_PLACES)
 
 
-def _places_in(before: Array, mesh: Array) -> NDArray[np.intp]:
+def _places_in(before: Array, mesh: Array) -> Index:
     """The interval of a mesh that each interval of one that divides it is in, (M,)."""
     return np.searchsorted(np.cumsum(before)[:-1], np.cumsum(mesh) - mesh / 2)
 
@@ -171,6 +170,6 @@ def first_tightening(scaling: Scaling, guess: Trajectory, mesh: Array) -> Scalin
     return replace(scaling, share=share)
 
 
-def samples_at(points: Array) -> NDArray[np.intp]:
+def samples_at(points: Array) -> Index:
     """Which of ``FRACTIONS`` are the points where bounds are imposed."""
     return np.asarray(np.abs(FRACTIONS[:, None] - points).argmin(axis=0))

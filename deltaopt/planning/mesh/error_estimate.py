@@ -23,9 +23,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array, Truths
+from deltaopt.curves.piecewise import Array, Index, Truths
 from deltaopt.planning.nlp.phases import joined, with_neighbours
 
 FRACTIONS = np.linspace(0.0, 1.0, 25)
@@ -124,7 +123,7 @@ def _unused_states(multipliers: Array, loads: Array) -> Array:
     return np.asarray((upper + lower).sum(axis=1))
 
 
-def split(mesh: Array, pieces: int | NDArray[np.intp]) -> Array:
+def split(mesh: Array, pieces: int | Index) -> Array:
     """A mesh, (N,), with each interval split evenly into so many pieces, one number or (N,)."""
     return np.repeat(mesh / pieces, pieces)
 

@@ -15,9 +15,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.errors import NotConverged
 from deltaopt.interrupts.requests import interrupts_not_lost
 from deltaopt.planning.nlp.points import (
@@ -172,9 +171,7 @@ class Program:
             spent=Spent(evaluating, stats["t_wall_total"] - evaluating),
         )
 
-    def _bound_multipliers(
-        self, result: dict[str, ca.DM], fixed: NDArray[np.bool], p: Array
-    ) -> Array:
+    def _bound_multipliers(self, result: dict[str, ca.DM], fixed: Truths, p: Array) -> Array:
         """Multipliers of the variables' bounds, (n,): Ipopt's, or by stationarity of the Lagrangian
         for variables that are fixed, which Ipopt leaves out of its problem."""
         multipliers = np.asarray(result["lam_x"].full()).ravel()

@@ -11,9 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Index
 from deltaopt.planning.nlp.points import Layout
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 
@@ -173,10 +172,10 @@ class Variables:
         )
         return Layout(columns.reshape(-1, k + 1), weights.reshape(-1, k + 1), names)
 
-    def _begins(self) -> NDArray[np.intp]:
+    def _begins(self) -> Index:
         return np.asarray(self._block * np.arange(self.intervals), dtype=np.intp)
 
-    def _columns(self) -> NDArray[np.intp]:
+    def _columns(self) -> Index:
         """Indices of the variables that determine each component in an interval, (N, m,
         degree + 3)."""
         steps = self.components * np.arange(self.transcription.degree + 3)

@@ -15,9 +15,8 @@ from functools import cached_property
 from math import dist, inf
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.curves.piecewise import PiecewisePolynomial, Truths
 from deltaopt.errors import ENDS_AN_ATTEMPT, DeltaOptError, Infeasible, if_possible
 from deltaopt.motion.sure_bounds import rows_not_kept, signed_distances
 from deltaopt.motion.trajectory import Trajectory
@@ -378,7 +377,7 @@ def past_these(scene: Scene, bodies: Collection[int]) -> Scene:
     return scene.model_copy(update={"keep_out": chosen or None})
 
 
-def _of_rows(scene: Scene, rows: NDArray[np.bool]) -> frozenset[int]:
+def _of_rows(scene: Scene, rows: Truths) -> frozenset[int]:
     """The bodies of some rows, (rows,)."""
     used = rows[np.isfinite(least_distances(scene))]
     return frozenset(

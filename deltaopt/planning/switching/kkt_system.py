@@ -11,10 +11,9 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.codegen.dense_solver import solve
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Index
 from deltaopt.planning.switching.conditions import OptimalityConditions
 from deltaopt.planning.switching.kkt_terms import BarrierTerms, Derivatives, Dual, Primal
 from deltaopt.planning.switching.unknowns import PrimalDualPoint
@@ -56,7 +55,7 @@ class KKTSystem:
         self._primal = self._primal_violations(y, active)
         self._dual = self._lagrangian_gradient()
 
-    def _rows_at(self, y: Array, active: NDArray[np.intp]) -> Derivatives:
+    def _rows_at(self, y: Array, active: Index) -> Derivatives:
         """Rows at the nodes, weighted by the multipliers that they have in the Lagrangian."""
         of, at = self.of, self.at
         n, k, m = active.shape
@@ -81,7 +80,7 @@ class KKTSystem:
         aim = stiffness * off + mu / above - mu / below - force
         return BarrierTerms(off, mu, stiffness, force, aim)
 
-    def _primal_violations(self, y: Array, active: NDArray[np.intp]) -> Primal:
+    def _primal_violations(self, y: Array, active: Index) -> Primal:
         of, at, rows, states = self.of, self.at, self._rows, self.of.index.states
         wanted = self._singular + of.active.value[of.mesh.arc][:, None]
         entries = [(of.mesh.first[e.arc], 0, e.row) for e in of.active.entries]

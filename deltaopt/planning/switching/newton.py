@@ -9,9 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.switching.conditions import OptimalityConditions
@@ -71,7 +70,7 @@ class StationaryPoint:
 
     point: PrimalDualPoint
     iterations: int
-    vanishing: NDArray[np.bool]
+    vanishing: Truths
 
 
 def solve_conditions(
@@ -121,12 +120,12 @@ class _Newton:
         raise NewtonFailed(f"a residual of {self._residual:.0e} is left after {_ITERATIONS} steps")
 
     def _ended(
-        self, point: PrimalDualPoint, iterations: int, vanishing: NDArray[np.bool] | None = None
+        self, point: PrimalDualPoint, iterations: int, vanishing: Truths | None = None
     ) -> StationaryPoint:
         none = np.zeros(len(self._lengths), bool)
         return StationaryPoint(point, iterations, none if vanishing is None else vanishing)
 
-    def _vanishing(self) -> NDArray[np.bool]:
+    def _vanishing(self) -> Truths:
         """Arcs that are tiny and that the last step shortened as much as it may, (arcs,)."""
         shorter, at = np.abs(self._lengths), self._system.at
         self._lengths = at.lengths / at.duration

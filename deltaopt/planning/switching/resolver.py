@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Truths
 from deltaopt.motion.certificate import MET, Certificate
 from deltaopt.planning.flat.constraint_rows import (
     ByOrder,
@@ -118,7 +118,7 @@ class SwitchResolver:
         return None
 
     @property
-    def _held(self) -> NDArray[np.bool]:
+    def _held(self) -> Truths:
         """Which rows of all limits are of those that arcs can hold, (rows,)."""
         slices, kept = self.all_rows.constraints.slices, self.scaling.kept
         held = np.zeros(self.all_rows.constraints.number, bool)
