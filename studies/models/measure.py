@@ -10,11 +10,10 @@ import numpy as np
 from deltaopt.codegen.c_compiler import compiler
 from deltaopt.codegen.compile import in_machine_code
 from deltaopt.compare.dynamics.many_digits import ManyDigits
-from deltaopt.compare.dynamics.models import models
+from deltaopt.compare.dynamics.models import TASKS as TASKS_OF
+from deltaopt.compare.dynamics.models import Samples, models
 from deltaopt.compare.dynamics.samples import NEAR_HOME, PAPER, exact_samples
 from deltaopt.compare.dynamics.study import Run, interleaved, operations, renamed
-from deltaopt.compare.dynamics.tasks import TASKS as TASKS_OF
-from deltaopt.compare.dynamics.tasks import Samples
 from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.mechanism import Mechanism

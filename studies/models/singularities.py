@@ -18,8 +18,8 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.compare.dynamics.many_digits import ManyDigits, Matrix
+from deltaopt.compare.dynamics.models import FORWARD, INVERSE, Task
 from deltaopt.compare.dynamics.samples import rounded
-from deltaopt.compare.dynamics.tasks import FORWARD, INVERSE, Task
 from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.constraint_matrix import ClosedForm, NullSpace, Partition
 from deltaopt.dynamics.formulation import Formulation

@@ -15,11 +15,10 @@ from deltaopt.cli import main
 from deltaopt.codegen.c_compiler import compiler
 from deltaopt.codegen.compile import compiled
 from deltaopt.compare.dynamics.many_digits import ManyDigits
-from deltaopt.compare.dynamics.models import models
+from deltaopt.compare.dynamics.models import TASKS, Samples, models
 from deltaopt.compare.dynamics.printed import as_printed
 from deltaopt.compare.dynamics.samples import PAPER, exact_samples, rounding_error
 from deltaopt.compare.dynamics.study import Study, compare_dynamics
-from deltaopt.compare.dynamics.tasks import TASKS, Samples
 from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters, delta

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from deltaopt.compare.plans.measures import Meter
+from deltaopt.compare.plans.measures import independent
 from deltaopt.compare.plans.study import at_switches
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.formulations.collocation import FAR, NEAR
@@ -72,7 +72,7 @@ def continued(scene, formulation, regularisation=None):
             problem = replace(problem, regularisation=regularisation)
         z, bounds = problem.pack(guess, c.task), problem.bounds(c.task)
         solution = problem.program_with(options).solve(z, *bounds, c.task.p)
-        guess = Meter(c).independent(problem, problem.unpack(solution.z, c.task))
+        guess = independent(c, problem, problem.unpack(solution.z, c.task))
         lost = c.lost(guess, problem.multipliers(solution))
         mesh = at_switches(mesh, c.by_order(guess), lost, 1e-4)
         iterations.append(solution.iterations)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from deltaopt.compare.dynamics.many_digits import ManyDigits
+from deltaopt.compare.dynamics.models import INVERSE
 from deltaopt.compare.dynamics.samples import PAPER, rounded
-from deltaopt.compare.dynamics.tasks import INVERSE
 from deltaopt.dynamics import (
     Explicit,
     LeastNorm,

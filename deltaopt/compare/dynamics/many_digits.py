@@ -42,7 +42,8 @@ class ManyDigits:
 
     def matrix(self, values: Iterable[Any]) -> Matrix:
         """Return a column of numbers, or a matrix from rows of them, doubles taken exactly."""
-        return self.context.matrix([_rows(value) for value in values])
+        numbers = [each.tolist() if hasattr(each, "tolist") else each for each in values]
+        return self.context.matrix(numbers)
 
     def solve(self, A: Matrix, b: Matrix) -> Matrix:
         """Return x with A x = b, by LU with pivoting. Raises ZeroDivisionError if A is singular."""
@@ -105,8 +106,3 @@ class ManyDigits:
             ca.OP_LT: lambda x, y: one * (x < y),
             ca.OP_NOT: lambda x: one * (x == 0),
         }
-
-
-def _rows(value: Any) -> Any:
-    """A row of a matrix, or a number; NumPy's become Python's."""
-    return value.tolist() if hasattr(value, "tolist") else value

@@ -1,4 +1,4 @@
-"""The models that are compared, each written out as one function per task.
+"""The models that are compared, each written out as one function per task, and these tasks.
 
 K (virtual work; Kane with u = q̇) and L_E with each constraint matrix C, and L_I with its
 one big linear system solved in several ways; L_E and L_I also with the paper's printed
@@ -12,22 +12,96 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import casadi as ca
+import numpy as np
 
 from deltaopt.compare.dynamics.printed import as_printed
-from deltaopt.compare.dynamics.tasks import Task
+from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.constraint_matrix import (
     ClosedForm,
     ConstraintMatrix,
     NullSpace,
     Partition,
 )
-from deltaopt.dynamics.formulation import Formulation
+from deltaopt.dynamics.formulation import Formulation, affine, state
 from deltaopt.dynamics.kane import Kane
-from deltaopt.dynamics.lagrange import Explicit
+from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.linear import solve_scalars
-from deltaopt.dynamics.mechanism import Mechanism
+from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.dynamics.virtual_work import VirtualWork
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters
+
+
+@dataclass(frozen=True)
+class Samples:
+    """N states with accelerations and torques that go with them, rounded once.
+
+    ``q``, ``dq``, ``ddq``: N × n; ``tau``: N × m; ``parameters``: those of the mechanism.
+    """
+
+    q: Array
+    dq: Array
+    ddq: Array
+    tau: Array
+    parameters: Array
+
+
+@dataclass(frozen=True)
+class Task:
+    """A computation whose cost and error are measured, such as inverse dynamics.
+
+    ``function``: a formulation's own, of a mechanism; its first result counts. ``big_system``: of a
+    mechanism inputs, A and b of model L_I's linear system, the unknowns sought first. ``given``:
+    the last of its inputs after time and state, ``sought``: what should come out, as `Samples`
+    names them.
+    """
+
+    name: str
+    function: Callable[[Formulation, Mechanism], ca.Function]
+    big_system: Callable[[Mechanism], tuple[list[SX], SX, SX]]
+    given: str
+    sought: str
+
+    def inputs(self, samples: Samples) -> list[Array]:
+        """All inputs but the parameters, (N, size) each."""
+        given: Array = getattr(samples, self.given)
+        return [np.zeros((len(samples.q), 1)), samples.q, samples.dq, given]
+
+    def truth(self, samples: Samples) -> Array:
+        """What should come out, (N, size)."""
+        sought: Array = getattr(samples, self.sought)
+        return sought
+
+
+def _torques_and_multipliers(m: Mechanism) -> tuple[list[SX], SX, SX]:
+    """The system for τ and λ, n × n."""
+    A, b = affine(Multiplier().equations(m), ca.vertcat(m.controls, m.lam))
+    return [*state(m), m.ddq, m.parameters], A, b
+
+
+def _accelerations_and_multipliers(m: Mechanism) -> tuple[list[SX], SX, SX]:
+    """The system for q̈ and λ, of n + γ equations."""
+    equations = ca.vertcat(Multiplier().equations(m), m.J @ m.ddq + m.J_bias)
+    A, b = affine(equations, ca.vertcat(m.ddq, m.lam))
+    return [*state(m), m.controls, m.parameters], A, b
+
+
+INVERSE = Task(
+    "inverse",
+    lambda formulation, mechanism: formulation.inverse_dynamics(mechanism),
+    _torques_and_multipliers,
+    given="ddq",
+    sought="tau",
+)
+"""Torques from the motion: q, q̇, q̈ → τ."""
+FORWARD = Task(
+    "forward",
+    lambda formulation, mechanism: formulation.forward_dynamics(mechanism),
+    _accelerations_and_multipliers,
+    given="tau",
+    sought="ddq",
+)
+"""Accelerations from torques: q, q̇, τ → q̈."""
+TASKS = INVERSE, FORWARD
 
 
 @dataclass(frozen=True)
@@ -35,15 +109,21 @@ class Model:
     """A way to compute a task.
 
     ``name``: the paper's. ``variant``: the constraint matrix, or the linear solver.
-    ``build``: its function, whose first result counts. ``systems``: the linear systems it
-    solves, in words. ``compilable``: whether CasADi can write it in C.
+    ``build``: its function, whose first result counts. ``sizes``: of the linear systems it
+    solves, in words with ``{n}`` coordinates, ``{gamma}`` constraints, ``{nu}`` degrees of freedom
+    and ``{all}`` unknowns of the big system. ``compilable``: whether CasADi can write it in C.
     """
 
     name: str
     variant: str
     build: Callable[[Mechanism, Task], ca.Function]
-    systems: Callable[[Mechanism, Task], str]
+    sizes: str = "{all}×{all}"
     compilable: bool = True
+
+    def systems(self, mechanism: Mechanism, task: Task) -> str:
+        """The linear systems it solves, in words."""
+        (gamma, n), unknowns = mechanism.J.shape, task.big_system(mechanism)[1].shape[1]
+        return self.sizes.format(n=n, gamma=gamma, nu=n - gamma, all=unknowns)
 
 
 def models(partition: Partition, terms: DeltaParameters) -> list[Model]:
@@ -52,9 +132,9 @@ def models(partition: Partition, terms: DeltaParameters) -> list[Model]:
     The paper's printed expressions are among them where it has all of these terms.
     """
     matrices: list[tuple[str, ConstraintMatrix, str]] = [
-        ("closed form", ClosedForm(), "3 of 3×3"),
-        ("partition", partition, "{gamma}×{gamma}"),
-        ("null space", NullSpace(), "QR {n}×{gamma}"),
+        ("closed form", ClosedForm(), "3 of 3×3, {nu}×{nu}"),
+        ("partition", partition, "{gamma}×{gamma}, {nu}×{nu}"),
+        ("null space", NullSpace(), "QR {n}×{gamma}, {nu}×{nu}"),
     ]
     kinds: list[tuple[str, Callable[[ConstraintMatrix], Formulation]]] = [
         ("K, virtual work", VirtualWork),
@@ -62,14 +142,14 @@ def models(partition: Partition, terms: DeltaParameters) -> list[Model]:
         ("L_E", Explicit),
     ]
     projected = [
-        Model(name, variant, written_out(kind(C)), _small_systems(sizes))
+        Model(name, variant, written_out(kind(C)), sizes)
         for name, kind in kinds
         for variant, C, sizes in matrices
     ]
     multiplier = [
-        Model("L_I", "written out", _big_system_written_out, _big_system_size),
-        Model("L_I", "sparse QR", _solved_by("qr"), _big_system_size),
-        Model("L_I", "LAPACK LU", _solved_by("lapacklu"), _big_system_size, compilable=False),
+        Model("L_I", "written out", _big_system_written_out),
+        Model("L_I", "sparse QR", _solved_by("qr")),
+        Model("L_I", "LAPACK LU", _solved_by("lapacklu"), compilable=False),
     ]
     lagrange = [*(model for model in projected if model.name == "L_E"), *multiplier]
     printed = [] if terms.beyond_the_paper else [_printed(model, terms) for model in lagrange]
@@ -78,11 +158,11 @@ def models(partition: Partition, terms: DeltaParameters) -> list[Model]:
 
 def _printed(model: Model, terms: DeltaParameters) -> Model:
     """A model with M, Q̂* and Q as the paper prints them."""
-
-    def build(mechanism: Mechanism, task: Task) -> ca.Function:
-        return model.build(as_printed(mechanism, terms), task)
-
-    return replace(model, name=f"{model.name}, printed", build=build)
+    return replace(
+        model,
+        name=f"{model.name}, printed",
+        build=lambda mechanism, task: model.build(as_printed(mechanism, terms), task),
+    )
 
 
 def written_out(formulation: Formulation) -> Callable[[Mechanism, Task], ca.Function]:
@@ -121,17 +201,3 @@ def _solved_by(solver: str) -> Callable[[Mechanism, Task], ca.Function]:
 def _sought(mechanism: Mechanism, task: Task) -> int:
     """How many of the big system's unknowns are asked for; the others are multipliers."""
     return task.big_system(mechanism)[1].shape[1] - mechanism.lam.numel()
-
-
-def _small_systems(of_C: str) -> Callable[[Mechanism, Task], str]:
-    def systems(mechanism: Mechanism, task: Task) -> str:
-        gamma, n = mechanism.J.shape
-        nu = n - gamma
-        return f"{of_C.format(gamma=gamma, n=n)}, {nu}×{nu}"
-
-    return systems
-
-
-def _big_system_size(mechanism: Mechanism, task: Task) -> str:
-    rows, columns = task.big_system(mechanism)[1].shape
-    return f"{rows}×{columns}"

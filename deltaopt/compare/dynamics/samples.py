@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-
 import casadi as ca
 import numpy as np
 
 from deltaopt.compare.dynamics.many_digits import ManyDigits, Matrix
-from deltaopt.compare.dynamics.models import written_out
-from deltaopt.compare.dynamics.tasks import FORWARD, Samples, Task
+from deltaopt.compare.dynamics.models import FORWARD, Samples, Task, written_out
 from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.consistency import Projector
 from deltaopt.dynamics.formulation import state
@@ -45,60 +41,30 @@ def exact_samples(mechanism: Mechanism, count: int, exact: ManyDigits) -> Sample
     many digits at last; torques are chosen at random; q̈ follows from L_I's linear system.
     Only then are they rounded.
     """
-    rng, p = np.random.default_rng(0), np.asarray(ca.DM(PAPER.vector())).ravel()
-    maker = _Maker(mechanism, p, exact)
-    rows = [maker.row(rng) for _ in range(count)]
-    q, dq, ddq, tau = (np.array(part) for part in zip(*rows, strict=True))
-    return Samples(q, dq, ddq, tau, p)
+    m, p, projector = mechanism, np.asarray(ca.DM(PAPER.vector())).ravel(), Projector(mechanism)
+    results = [m.holonomic, m.constraint_rate, m.J]
+    constraints = ca.Function("constraints", [*state(m), m.parameters], results)
+    inputs, *results = FORWARD.big_system(m)
+    system, n = ca.Function("big_system", inputs, results), m.q.numel()
 
+    def onto_constraints(q: Matrix, dq: Matrix) -> tuple[Matrix, Matrix]:
+        """Each step of Newton's method doubles the digits, from those of doubles: 16, 32, 64."""
+        for _ in range(2 + exact.digits // 32):
+            f, _, J = exact.evaluate(constraints, [0.0], q, dq, p)
+            q -= J.T * exact.solve(J * J.T, f)
+        _, rate, J = exact.evaluate(constraints, [0.0], q, dq, p)
+        return q, dq - J.T * exact.solve(J * J.T, rate)
 
-@dataclass(frozen=True)
-class _Maker:
-    """Makes states of ``mechanism`` in the arithmetic of ``exact``."""
-
-    mechanism: Mechanism
-    parameters: Array
-    exact: ManyDigits
-
-    def row(self, rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
-        """Make q, q̇, q̈, τ, each rounded once."""
-        n, m = self.mechanism.q.numel(), self.mechanism.controls.numel()
+    rng, rows = np.random.default_rng(0), []
+    for _ in range(count):
         guess = NEAR_HOME + rng.uniform(-1, 1, n) * np.repeat([0.12, 0.3], [3, n - 3])
         speeds = rng.uniform(-1, 1, n) * np.repeat([1.0, 5.0], [3, n - 3])
-        q, dq = self.consistent(*self.projector(0.0, guess, speeds, self.parameters))
-        tau = self.exact.matrix(rng.uniform(-5, 5, m))
-        A, b = self.exact.evaluate(self.big_system, [0.0], q, dq, tau, self.parameters)
-        ddq = self.exact.solve(A, b)[:n]
-        return rounded(q), rounded(dq), rounded(ddq), rounded(tau)
-
-    def consistent(self, q0: Array, dq0: Array) -> tuple[Matrix, Matrix]:
-        """Return the state on the constraints near one that is on them in double precision.
-
-        Every step of Newton's method doubles the digits: 16, 32, 64.
-        """
-        q, dq = self.exact.matrix(q0), self.exact.matrix(dq0)
-        for _ in range(2 + self.exact.digits // 32):
-            f, _, J = self.exact.evaluate(self.constraints, [0.0], q, dq, self.parameters)
-            q -= J.T * self.exact.solve(J * J.T, f)
-        _, rate, J = self.exact.evaluate(self.constraints, [0.0], q, dq, self.parameters)
-        return q, dq - J.T * self.exact.solve(J * J.T, rate)
-
-    @cached_property
-    def projector(self) -> Projector:
-        return Projector(self.mechanism)
-
-    @cached_property
-    def constraints(self) -> ca.Function:
-        """(t, q, q̇, p) -> f, J q̇ + μ, J."""
-        m = self.mechanism
-        results = [m.holonomic, m.constraint_rate, m.J]
-        return ca.Function("constraints", [*state(m), m.parameters], results)
-
-    @cached_property
-    def big_system(self) -> ca.Function:
-        """(t, q, q̇, τ, p) -> A, b of L_I's forward dynamics."""
-        inputs, A, b = FORWARD.big_system(self.mechanism)
-        return ca.Function("big_system", inputs, [A, b])
+        q, dq = onto_constraints(*map(exact.matrix, projector(0.0, guess, speeds, p)))
+        tau = exact.matrix(rng.uniform(-5, 5, m.controls.numel()))
+        ddq = exact.solve(*exact.evaluate(system, [0.0], q, dq, tau, p))[:n]
+        rows.append([rounded(each) for each in (q, dq, ddq, tau)])
+    q, dq, ddq, tau = (np.array(part) for part in zip(*rows, strict=True))
+    return Samples(q, dq, ddq, tau, p)
 
 
 def rounding_error(mechanism: Mechanism, task: Task, samples: Samples, exact: ManyDigits) -> Array:

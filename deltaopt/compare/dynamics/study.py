@@ -18,7 +18,7 @@ import numpy as np
 from deltaopt.codegen.c_compiler import Compiler
 from deltaopt.codegen.compile import in_machine_code
 from deltaopt.compare.dynamics.many_digits import ManyDigits
-from deltaopt.compare.dynamics.models import Model, models
+from deltaopt.compare.dynamics.models import TASKS, Samples, Task, models
 from deltaopt.compare.dynamics.samples import (
     NEAR_HOME,
     PAPER,
@@ -26,10 +26,8 @@ from deltaopt.compare.dynamics.samples import (
     relative_error,
     rounding_error,
 )
-from deltaopt.compare.dynamics.tasks import TASKS, Samples, Task
 from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.constraint_matrix import Partition
-from deltaopt.dynamics.mechanism import Mechanism
 from deltaopt.files.progress_bar import Progress
 from deltaopt.mechanisms.delta.mechanism import delta
 
@@ -139,15 +137,6 @@ class Study:
         return next(r for r in self.rows if (r.task, r.model, r.variant) == wanted)
 
 
-@dataclass(frozen=True)
-class _Case:
-    """A model at a task, as a function."""
-
-    task: Task
-    model: Model
-    function: ca.Function
-
-
 def compare_dynamics(
     states: int,
     rounds: int,
@@ -166,69 +155,42 @@ def compare_dynamics(
         for task in TASKS
     }
     progress(0.2, "deriving the models")
-    partition = Partition.pivoted(_jacobian(mechanism, NEAR_HOME, samples.parameters))
-    cases = _cases(mechanism, partition)
+    J = ca.Function("J", [mechanism.time, mechanism.q, mechanism.parameters], [mechanism.J])
+    partition = Partition.pivoted(np.asarray(J(0.0, NEAR_HOME, samples.parameters)))
+    cases = [(task, model) for task in TASKS for model in models(partition, PAPER)]
+    functions = [
+        renamed(model.build(mechanism, task), f"model{i}") for i, (task, model) in enumerate(cases)
+    ]
     progress(0.3, "compiling")
-    in_c = [case for case in cases if case.model.compilable and compiler]
-    machine = (in_machine_code([case.function for case in in_c]) if in_c else None) or []
-    in_c = in_c[: len(machine)]
+    in_c = [i for i, (_, model) in enumerate(cases) if model.compilable and compiler]
+    machine = (in_machine_code([functions[i] for i in in_c]) if in_c else None) or []
     progress(0.5, "timing")
-    interpreted_runs = [Run(case.function, case.task, samples) for case in cases]
-    runs = [
-        *interpreted_runs,
-        *(Run(f, c.task, samples) for f, c in zip(machine, in_c, strict=True)),
-    ]
-    times = interleaved(runs, rounds, lambda done: progress(0.5 + done / 2, "timing"))
-    interpreted = _ratios(cases, times[: len(cases)])
-    fast = _ratios(in_c, times[len(cases) :])
-    rows = [
-        _row(
-            mechanism,
-            case,
-            run.error(),
-            interpreted[case.function.name()],
-            fast.get(case.function.name()),
+    runs = {(i, False): Run(f, cases[i][0], samples) for i, f in enumerate(functions)}
+    in_machine = zip(in_c, machine, strict=False)
+    runs |= {(i, True): Run(f, cases[i][0], samples) for i, f in in_machine}
+    each = interleaved([*runs.values()], rounds, lambda done: progress(0.5 + done / 2, "timing"))
+    times = dict(zip(runs, each, strict=True))
+    references = {
+        task: i for i, (task, each) in enumerate(cases) if (each.name, each.variant) == REFERENCE
+    }
+    rows = []
+    for i, (task, model) in enumerate(cases):
+        first, error, is_in_c = references[task], runs[i, False].error(), (i, True) in runs
+        rows.append(
+            Row(
+                task=task.name,
+                model=model.name,
+                variant=model.variant,
+                systems=model.systems(mechanism, task),
+                operations=operations(functions[i]),
+                interpreted=Time.of(times[i, False], times[first, False]),
+                compiled=Time.of(times[i, True], times[first, True]) if is_in_c else None,
+                median_error=float(np.median(error)),
+                largest_error=float(np.max(error)),
+            )
         )
-        for case, run in zip(cases, interpreted_runs, strict=True)
-    ]
     progress(1.0, "done")
     return Study(rows, floor, partition.independent, states, rounds, exact.digits)
-
-
-def _cases(mechanism: Mechanism, partition: Partition) -> list[_Case]:
-    """Every model at every task; names of the functions differ."""
-    pairs = [(task, model) for task in TASKS for model in models(partition, PAPER)]
-    return [
-        _Case(task, model, renamed(model.build(mechanism, task), f"model{i}"))
-        for i, (task, model) in enumerate(pairs)
-    ]
-
-
-def _ratios(cases: list[_Case], times: Array) -> dict[str, Time]:
-    """Times by name of the function, beside the reference's at the same task."""
-    reference = {
-        case.task.name: own
-        for case, own in zip(cases, times, strict=True)
-        if (case.model.name, case.model.variant) == REFERENCE
-    }
-    return {
-        case.function.name(): Time.of(own, reference[case.task.name])
-        for case, own in zip(cases, times, strict=True)
-    }
-
-
-def _row(m: Mechanism, case: _Case, error: Array, interpreted: Time, fast: Time | None) -> Row:
-    return Row(
-        task=case.task.name,
-        model=case.model.name,
-        variant=case.model.variant,
-        systems=case.model.systems(m, case.task),
-        operations=operations(case.function),
-        interpreted=interpreted,
-        compiled=fast,
-        median_error=float(np.median(error)),
-        largest_error=float(np.max(error)),
-    )
 
 
 def operations(function: ca.Function) -> int:
@@ -249,11 +211,6 @@ def operations(function: ca.Function) -> int:
         elif function.is_a("SXFunction"):
             count += operation not in (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_ASSIGN)
     return count
-
-
-def _jacobian(m: Mechanism, q: Array, p: Array) -> Array:
-    """J at a state, γ × n."""
-    return np.asarray(ca.Function("J", [m.time, m.q, m.parameters], [m.J])(0.0, q, p))
 
 
 def renamed(function: ca.Function, name: str) -> ca.Function:

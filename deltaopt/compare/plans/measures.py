@@ -9,7 +9,6 @@ twelve digits. The safe duration is that of the path of ξ.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from math import inf, isfinite
 
 import casadi as ca
@@ -40,77 +39,63 @@ class Quality:
     arrival_speed: float = inf
 
 
-@dataclass(frozen=True)
-class Meter:
-    """Measures the motions of one case."""
+def quality(case: Case, problem: CollocationProblem, z: Array) -> Quality:
+    """The measures of a solution of a case."""
+    system, planned = case.system, problem.unpack(z, case.task)
+    xi = independent(case, problem, planned)
+    torques = problem.torques(z, case.task)
+    motion: tuple[Array, ...] = motion_inside(planned, FRACTIONS)
+    if len(problem.equations.coordinates) != system.n:
+        motion = system.rows(system.motion, *motion, p=case.task.p)
+    powers = _powers(problem.variables.points).T @ torques  # (N, powers, motors)
+    inside = np.vander(FRACTIONS, powers.shape[1], increasing=True) @ powers
+    tau = inside.reshape(-1, system.motors)
+    f, error = system.rows(_errors(system), *motion, tau, p=case.task.p)
+    starts = np.linalg.norm(f, axis=1).reshape(-1, len(FRACTIONS))[:, 0]
+    duration = float(planned.knots[-1])
+    distance, speed = _arrival(case, xi, powers)
+    return Quality(
+        duration,
+        duration * case.safe_factor(xi),
+        _mean(planned.knots, f),
+        float(starts.max()),
+        _mean(planned.knots, error),
+        distance,
+        speed,
+    )
 
-    case: Case
 
-    def quality(self, problem: CollocationProblem, z: Array) -> Quality:
-        case, system = self.case, self.case.system
-        planned = problem.unpack(z, case.task)
-        xi = self.independent(problem, planned)
-        torques = problem.torques(z, case.task)
-        q, dq, ddq = self._coordinates(problem, planned)
-        tau = _between(problem.variables.points, torques, FRACTIONS).reshape(-1, system.motors)
-        f, error = system.rows(self._errors, q, dq, ddq, tau, p=case.task.p)
-        starts = np.linalg.norm(f, axis=1).reshape(-1, len(FRACTIONS))[:, 0]
-        duration = float(planned.knots[-1])
-        distance, speed = self._arrival(xi, problem, torques)
-        return Quality(
-            duration,
-            duration * case.safe_factor(xi),
-            _mean(planned.knots, f),
-            float(starts.max()),
-            _mean(planned.knots, error),
-            distance,
-            speed,
-        )
+def independent(
+    case: Case, problem: CollocationProblem, planned: PiecewisePolynomial
+) -> PiecewisePolynomial:
+    """Return the path of ξ."""
+    which = [problem.equations.coordinates.index(i) for i in case.system.independent]
+    return PiecewisePolynomial(planned.knots, planned.coefficients[:, :, which])
 
-    def independent(
-        self, problem: CollocationProblem, planned: PiecewisePolynomial
-    ) -> PiecewisePolynomial:
-        """Return the path of ξ."""
-        which = [problem.equations.coordinates.index(i) for i in self.case.system.independent]
-        return PiecewisePolynomial(planned.knots, planned.coefficients[:, :, which])
 
-    def _coordinates(
-        self, problem: CollocationProblem, planned: PiecewisePolynomial
-    ) -> tuple[Array, ...]:
-        """q, q̇, q̈ inside the intervals, as the program has them."""
-        motion = motion_inside(planned, FRACTIONS)
-        if len(problem.equations.coordinates) == self.case.system.n:
-            return motion
-        return self.case.system.rows(self.case.system.motion, *motion, p=self.case.task.p)
+def _errors(system: ScaledMechanism) -> ca.Function:
+    """(q, q̇, q̈, τ, p) -> (f, J q̇), q̈ - q̈(q, q̇, τ)."""
+    m = system.mechanism
+    modelled, _ = Explicit().forward_dynamics(m).expand()(0, m.q, m.dq, m.controls, m.parameters)
+    return ca.Function(
+        "errors",
+        [m.q, m.dq, m.ddq, m.controls, system.p],
+        [ca.vertcat(m.holonomic, m.constraint_rate), m.ddq - modelled],
+    )
 
-    @cached_property
-    def _errors(self) -> ca.Function:
-        """(q, q̇, q̈, τ, p) -> (f, J q̇), q̈ - q̈(q, q̇, τ)."""
-        system, m = self.case.system, self.case.system.mechanism
-        modelled, _ = (
-            Explicit().forward_dynamics(m).expand()(0, m.q, m.dq, m.controls, m.parameters)
-        )
-        return ca.Function(
-            "errors",
-            [m.q, m.dq, m.ddq, m.controls, system.p],
-            [ca.vertcat(m.holonomic, m.constraint_rate), m.ddq - modelled],
-        )
 
-    def _arrival(
-        self, xi: PiecewisePolynomial, problem: CollocationProblem, torques: Array
-    ) -> tuple[float, float]:
-        """Distance to the goal and speed there under the program's torques."""
-        task, nu = self.case.task, len(self.case.system.independent)
-        step = integrator(self.case.system, len(problem.variables.points))
-        powers = _powers(problem.variables.points)
-        state = np.concatenate([task.start, np.zeros(nu)])
-        for length, values in zip(np.diff(xi.knots), torques, strict=True):
-            p = np.concatenate([(powers.T @ values).ravel(), [length], task.p])
-            state = step(state, p)
-            if not np.isfinite(state).all():
-                return inf, inf
-        distance = float(np.linalg.norm(state[:nu] - task.goal))
-        return distance, float(np.linalg.norm(state[nu:]))
+def _arrival(case: Case, xi: PiecewisePolynomial, torques: Array) -> tuple[float, float]:
+    """Distance to the goal and speed there under the program's torques, by their coefficients, (N,
+    powers, motors)."""
+    task, nu = case.task, len(case.system.independent)
+    step = integrator(case.system, torques.shape[1])
+    state = np.concatenate([task.start, np.zeros(nu)])
+    for length, coefficients in zip(np.diff(xi.knots), torques, strict=True):
+        state = step(state, np.concatenate([coefficients.ravel(), [length], task.p]))
+        if not np.isfinite(state).all():
+            return inf, inf
+    distance = float(np.linalg.norm(state[:nu] - task.goal))
+    return distance, float(np.linalg.norm(state[nu:]))
 
 
 def integrator(system: ScaledMechanism, points: int) -> PreciseIntegrator:
@@ -127,11 +112,6 @@ def integrator(system: ScaledMechanism, points: int) -> PreciseIntegrator:
     ddq, _ = Multiplier().forward_dynamics(m)(0, q, dq, tau, p[system.scales.numel() :])
     rate = ca.vertcat(state[nu:], ddq[list(system.independent)])
     return PreciseIntegrator(u, state, rate, length, ca.vertcat(ca.vec(coefficients), length, p))
-
-
-def _between(nodes: Array, values: Array, c: Array) -> Array:
-    """Polynomials through values (N, nodes, m), at fractions c: (N, len(c), m)."""
-    return np.asarray(np.vander(c, len(nodes), increasing=True) @ (_powers(nodes).T @ values))
 
 
 def _powers(nodes: Array) -> Array:

@@ -15,7 +15,7 @@ from time import perf_counter
 import numpy as np
 
 from deltaopt.compare.plans.cases import Case, Reference
-from deltaopt.compare.plans.measures import Meter, Quality
+from deltaopt.compare.plans.measures import Quality, independent, quality
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.errors import NotConverged
@@ -128,11 +128,11 @@ def compare_plans(
     for i, case in enumerate(cases):
         progress(i / len(cases), f"{case.name}: reference")
         references[case.name] = reference = find_reference(case, tolerance)
-        bench = _Bench(case, reference, uniform, refinements)
         equations = {method.kind: method.kind.equations(case.system) for method in METHODS}
         for j, method in enumerate(METHODS, 1):
             progress((i + j / (1 + len(METHODS))) / len(cases), f"{case.name}: {method}")
-            rows += bench.rows(method, _Solver(case, equations[method.kind], method.transcription))
+            solver = _Solver(case, method, equations[method.kind])
+            rows += solver.rows(reference, uniform, refinements)
     progress(1.0, "done")
     return PlanStudy(rows, references, perf_counter() - begin)
 
@@ -142,7 +142,7 @@ def find_reference(case: Case, tolerance: float) -> Reference:
     is within the tolerance, or five times."""
     if case.reference is not None:
         return case.reference()
-    solver = _Solver(case, Flat().equations(case.system), LINEAR)
+    solver = _Solver(case, Method(Flat(), LINEAR), Flat().equations(case.system))
     mesh, guess = np.full(40, 1 / 40), case.guess
     for _ in range(5):
         solved = solver.solve(mesh, guess)
@@ -167,83 +167,61 @@ class _Solved:
 
 @dataclass(frozen=True)
 class _Solver:
-    """Solves a case in one formulation and transcription."""
+    """Solves a case with a method, whose ``equations`` are these."""
 
     case: Case
+    method: Method
     equations: Equations
-    transcription: PiecewiseAcceleration
 
     def solve(self, mesh: Array, guess: PiecewisePolynomial) -> _Solved:
         """From the case's own guess, which is far, or from a solution, which is near."""
-        task, problem = self.case.task, self.equations.on(mesh, self.transcription)
+        task, problem = self.case.task, self.equations.on(mesh, self.method.transcription)
         program = problem.program_with(FAR if guess is self.case.guess else NEAR)
         solution = program.solve(problem.pack(guess, task), *problem.bounds(task), task.p)
-        motion = Meter(self.case).independent(problem, problem.unpack(solution.z, task))
+        motion = independent(self.case, problem, problem.unpack(solution.z, task))
         lost = self.case.lost(motion, problem.multipliers(solution))
         return _Solved(problem, program, solution, motion, lost)
 
-
-@dataclass(frozen=True)
-class _Bench:
-    """Solves one case with any method."""
-
-    case: Case
-    reference: Reference
-    uniform: Sequence[int]
-    refinements: int
-
-    def rows(self, method: Method, solver: _Solver) -> list[Row]:
+    def rows(self, reference: Reference, uniform: Sequence[int], refinements: int) -> list[Row]:
         """Solve on uniform meshes from the straight line, then on meshes with knots where this
         method's motion switches."""
-        found, last = list[Row](), None
-        for n in self.uniform:
-            last = self._mesh(found, method, solver, np.full(n, 1 / n), self.case.guess)
-        for _ in range(self.refinements):
-            if last is None or not found[-1].gap > AIM:
+        found = [self._row(reference, np.full(n, 1 / n), self.case.guess) for n in uniform]
+        for _ in range(refinements):
+            row, last = found[-1]
+            if last is None or not row.gap > AIM:
                 break
-            rows = self.case.by_order(last.motion)
-            mesh = at_switches(last.problem.mesh, rows, last.lost, AIM)
+            by_order = self.case.by_order(last.motion)
+            mesh = at_switches(last.problem.mesh, by_order, last.lost, AIM)
             if len(mesh) > MOST_INTERVALS:
                 break
-            last = self._mesh(found, method, solver, mesh, last.motion)
-        return found
+            found.append(self._row(reference, mesh, last.motion))
+        return [row for row, _ in found]
 
-    def _mesh(
-        self,
-        found: list[Row],
-        method: Method,
-        solver: _Solver,
-        mesh: Array,
-        guess: PiecewisePolynomial,
-    ) -> _Solved | None:
-        """Add a row; the solution, if there is one."""
-        solved_as = self.case.name, method, len(mesh), guess is not self.case.guess
+    def _row(
+        self, reference: Reference, mesh: Array, guess: PiecewisePolynomial
+    ) -> tuple[Row, _Solved | None]:
+        """A row, and the solution, if there is one."""
+        solved_as = self.case.name, self.method, len(mesh), guess is not self.case.guess
         begin = perf_counter()
         try:
-            solved = solver.solve(mesh, guess)
+            solved = self.solve(mesh, guess)
         except NotConverged as error:
-            found.append(Row(*solved_as, str(error), perf_counter() - begin))
-            return None
-        solution, quality = (
-            solved.solution,
-            Meter(self.case).quality(solved.problem, solved.solution.z),
+            return Row(*solved_as, str(error), perf_counter() - begin), None
+        solution, measured = solved.solution, quality(self.case, solved.problem, solved.solution.z)
+        is_safe = isfinite(measured.safe_duration)
+        row = Row(
+            *solved_as,
+            "" if is_safe else "leaves the workspace, or no slowing keeps its limits",
+            solution.seconds,
+            solution.spent.evaluation,
+            solution.iterations,
+            len(solution.z),
+            int(solved.program.jacobian.nnz_out(1)),
+            int(solved.program.hessian.nnz_out(0)),
+            measured,
+            measured.safe_duration / reference.duration - 1,
         )
-        is_safe = isfinite(quality.safe_duration)
-        found.append(
-            Row(
-                *solved_as,
-                "" if is_safe else "leaves the workspace, or no slowing keeps its limits",
-                solution.seconds,
-                solution.spent.evaluation,
-                solution.iterations,
-                len(solution.z),
-                int(solved.program.jacobian.nnz_out(1)),
-                int(solved.program.hessian.nnz_out(0)),
-                quality,
-                quality.safe_duration / self.reference.duration - 1,
-            )
-        )
-        return solved if is_safe else None
+        return row, solved if is_safe else None
 
 
 def at_switches(mesh: Array, rows: ByOrder, lost: ErrorEstimate, aim: float) -> Array:

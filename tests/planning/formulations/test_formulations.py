@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt.compare.plans.measures import Meter
+from deltaopt.compare.plans.measures import quality
 from deltaopt.dynamics import Multiplier
 from deltaopt.errors import DependentConstraints, NotConverged
 from deltaopt.planning.formulations.choice import Redundant
@@ -62,7 +62,7 @@ def solved(scene, formulation, closure=None, intervals=10):
     )
     guess = problem.pack(case(scene).guess, task)
     solution = problem.program.solve(guess, *problem.bounds(task), task.p)
-    return problem, solution, Meter(case(scene)).quality(problem, solution.z)
+    return problem, solution, quality(case(scene), problem, solution.z)
 
 
 SCENES = ["pick_and_place", "industrial_cross", "five_bar"]
@@ -156,9 +156,9 @@ def least_effort(formulation, closure, degree, intervals):
     start = problem.pack(guess, task)
     solution = problem.program.solve(start, *problem.bounds(task), task.p)
     tau = problem.variables.algebraic(solution.z)[:, :, :3]
-    quality = Meter(replace(c, task=task)).quality(problem, solution.z)
+    measured = quality(replace(c, task=task), problem, solution.z)
     per_interval = np.einsum("j,njk->n", problem.transcription.quadrature, tau**2)
-    return float(problem.mesh @ per_interval), quality
+    return float(problem.mesh @ per_interval), measured
 
 
 @pytest.mark.parametrize(
