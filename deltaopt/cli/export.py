@@ -304,7 +304,7 @@ def _verified(
     found = verify(plan.scene, plan.trajectory)
     remarks, slower, needed = found.failures(), arguments.slower, 0.0
     if remarks:
-        beyond = {check.bound.measure for check in found.checks() if not check.ok}
+        beyond = {check.measure for check in found.checks() if not check.ok}
         cured = found.safe_duration if beyond <= set(found.excesses) else None
         needed = (cured or inf) / plan.duration
     if needed > slower and not arguments.anyway:

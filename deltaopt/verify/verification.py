@@ -25,7 +25,7 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.known_limits import LIMITS, limits_of
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import EndState, MovingEnds, OnPath
-from deltaopt.verify.bounds import ARRIVAL_BOUNDS, BOUNDS, EXCESS, Check, check_of
+from deltaopt.verify.bounds import ARRIVAL_BOUNDS, BOUNDS, EXCESS, Check, Sizes
 from deltaopt.verify.clearance import clearance_excess, robot_clearance, sure_robot_clearance
 from deltaopt.verify.duty import Duty
 from deltaopt.verify.forward_replay import NotIntegrated, replay
@@ -145,7 +145,7 @@ class Verification:
         return self.defect_distance is None
 
     @property
-    def sizes(self) -> tuple[float, float, float, float]:
+    def sizes(self) -> Sizes:
         """What bounds are shares of: arm and way, m, duration and time unit, s."""
         return self.arm, self.way, self.duration, self.time_unit
 
@@ -154,11 +154,11 @@ class Verification:
         bounds = BOUNDS + (ARRIVAL_BOUNDS if self.judges_arrival else ())
         values = [(bound, getattr(self, bound.measure)) for bound in bounds]
         return self._limit_checks() + [
-            Check(bound.of(*self.sizes), value) for bound, value in values if value is not None
+            bound.check(value, self.sizes) for bound, value in values if value is not None
         ]
 
     def _limit_checks(self) -> list[Check]:
-        return [check_of(excess) for excess in self.excesses.values()]
+        return [Check.of_excess(excess) for excess in self.excesses.values()]
 
     def failures(self) -> list[str]:
         """What is wrong with the motion, one sentence each; empty if it passes."""
@@ -371,7 +371,7 @@ def _ends(scene: Scene, trajectory: Trajectory, nothing: Verification) -> dict[s
     task, on_path = scene.task, dict[str, float]()
     if isinstance(task, OnPath):
         asked = next(each for each in BOUNDS if each.measure == "path_distance")
-        on_path["path_distance"] = off_path(task, trajectory, asked.of(*nothing.sizes).at_most)
+        on_path["path_distance"] = off_path(task, trajectory, asked.tolerance.of(nothing.sizes))
     goal = goal_of(problem_of(scene), trajectory)
     if task.via:
         on_path["via_distance"] = off_via_points(task, trajectory)

@@ -159,7 +159,7 @@ def test_it_says_what_was_found(planned, page):
     assert f"{found.duration:.3f} s, {30 / found.duration:.0f} parts per minute" in text
     assert "150 mm from [0.45, -0.05, 0] to [0.45, 0.1, 0] m, with 1 kg" in text
     for check in verification.checks():
-        assert check.bound.measure.replace("_", " ") in text
+        assert check.measure.replace("_", " ") in text
     for each in verification.duty.motors:
         assert f"{each.rms_torque:.4g}" in text
     for each in verification.distances:

@@ -79,7 +79,7 @@ def planned(scene: Scene) -> Trajectory:
 
 def shares(found: Verification) -> dict[str, float]:
     """Every measure that is judged, as a share of its bound."""
-    return {check.bound.measure: check.value / check.bound.at_most for check in found.checks()}
+    return {check.measure: check.value / check.at_most for check in found.checks()}
 
 
 USUAL = scaled(1, 1, 1)
