@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.compare.dynamics.many_digits import ManyDigits, Matrix
-from deltaopt.compare.dynamics.samples import PAPER
+from deltaopt.compare.dynamics.printed import PAPER
 from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.formulation import state
 from deltaopt.dynamics.mechanism import SX, Mechanism

@@ -12,7 +12,8 @@ from deltaopt.codegen.compile import in_machine_code
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.models import TASKS as TASKS_OF
 from deltaopt.compare.dynamics.models import Samples, models
-from deltaopt.compare.dynamics.samples import NEAR_HOME, PAPER, exact_samples
+from deltaopt.compare.dynamics.printed import PAPER
+from deltaopt.compare.dynamics.samples import NEAR_HOME, exact_samples
 from deltaopt.compare.dynamics.study import Run, interleaved, operations, renamed
 from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.constraint_matrix import Partition
@@ -103,7 +104,7 @@ def measure(
 def _costs(m: Mechanism, samples: Samples, rounds: int) -> dict[tuple[str, str], Cost]:
     """Count and time the chosen models in turn, interpreted and, given a compiler, compiled."""
     partition = Partition.pivoted(s.Functions(m).jacobian(0, NEAR_HOME, PAPER.values()).full())
-    every = models(partition, PAPER)
+    every = models(partition)
     built = {
         (task.name, name): (task, x.build(m, task), x.compilable)
         for task in TASKS_OF

@@ -16,8 +16,8 @@ from deltaopt.codegen.c_compiler import compiler
 from deltaopt.codegen.compile import compiled
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.models import TASKS, Samples, models
-from deltaopt.compare.dynamics.printed import as_printed
-from deltaopt.compare.dynamics.samples import PAPER, exact_samples, rounding_error
+from deltaopt.compare.dynamics.printed import PAPER, as_printed
+from deltaopt.compare.dynamics.samples import exact_samples, rounding_error
 from deltaopt.compare.dynamics.study import Study, compare_dynamics
 from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.lagrange import Multiplier
@@ -71,7 +71,7 @@ def test_virtual_work_and_kane_need_the_same_operations(study: Study) -> None:
 def test_compiled_functions_give_the_same(samples: Samples) -> None:
     mechanism = delta(PAPER)
     for task in TASKS:
-        model = models(Partition((0, 1, 2)), PAPER)[6]
+        model = models(Partition((0, 1, 2)))[6]
         function = model.build(mechanism, task)
         (machine,) = compiled([function])
         arguments = [*(x[0] for x in task.inputs(samples)), samples.parameters]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from deltaopt.compare.dynamics.many_digits import ManyDigits
-from deltaopt.compare.dynamics.samples import PAPER
+from deltaopt.compare.dynamics.printed import PAPER
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.mechanisms.delta.mechanism import delta

@@ -11,7 +11,8 @@ import pytest
 
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.models import INVERSE
-from deltaopt.compare.dynamics.samples import PAPER, rounded
+from deltaopt.compare.dynamics.printed import PAPER
+from deltaopt.compare.dynamics.samples import rounded
 from deltaopt.dynamics import (
     Explicit,
     LeastNorm,

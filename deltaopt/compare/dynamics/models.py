@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from deltaopt.compare.dynamics.printed import as_printed
+from deltaopt.compare.dynamics.printed import PAPER, as_printed
 from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.constraint_matrix import (
     ClosedForm,
@@ -28,7 +28,6 @@ from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.linear import solve_scalars
 from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.dynamics.virtual_work import VirtualWork
-from deltaopt.mechanisms.delta.mechanism import DeltaParameters
 
 
 @dataclass(frozen=True)
@@ -126,11 +125,8 @@ class Model:
         return self.sizes.format(n=n, gamma=gamma, nu=n - gamma, all=unknowns)
 
 
-def models(partition: Partition, terms: DeltaParameters) -> list[Model]:
-    """Return all models that are compared, for a Delta that has these terms.
-
-    The paper's printed expressions are among them where it has all of these terms.
-    """
+def models(partition: Partition) -> list[Model]:
+    """Return all models that are compared, for the paper's Delta."""
     matrices: list[tuple[str, ConstraintMatrix, str]] = [
         ("closed form", ClosedForm(), "3 of 3×3, {nu}×{nu}"),
         ("partition", partition, "{gamma}×{gamma}, {nu}×{nu}"),
@@ -152,16 +148,15 @@ def models(partition: Partition, terms: DeltaParameters) -> list[Model]:
         Model("L_I", "LAPACK LU", _solved_by("lapacklu"), compilable=False),
     ]
     lagrange = [*(model for model in projected if model.name == "L_E"), *multiplier]
-    printed = [] if terms.beyond_the_paper else [_printed(model, terms) for model in lagrange]
-    return [*projected, *multiplier, *printed]
+    return [*projected, *multiplier, *map(_printed, lagrange)]
 
 
-def _printed(model: Model, terms: DeltaParameters) -> Model:
+def _printed(model: Model) -> Model:
     """A model with M, Q̂* and Q as the paper prints them."""
     return replace(
         model,
         name=f"{model.name}, printed",
-        build=lambda mechanism, task: model.build(as_printed(mechanism, terms), task),
+        build=lambda mechanism, task: model.build(as_printed(mechanism, PAPER), task),
     )
 
 

@@ -1,4 +1,4 @@
-"""The Delta's M, Q̂* and Q as the paper prints them, simplified by hand.
+"""The paper's Delta, and M, Q̂* and Q as the paper prints them, simplified by hand.
 
 The same values as what is derived from the energies, in fewer operations.
 """
@@ -13,6 +13,22 @@ import casadi as ca
 
 from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters
+
+PAPER = DeltaParameters(
+    a1=0.20,
+    a2=0.10,
+    a3=0.25,
+    a4=0.10,
+    m1=0.30,
+    m2=1.00,
+    m3=0.40,
+    m4=0.25,
+    I33=0.40 * 0.10**2 / 3,
+    I41=0.25 * 0.25**2 / 3,
+    I43=0.25 * 0.25**2 / 3,
+    g=9.81,
+)
+"""Section 5.3; slender bars."""
 
 
 def as_printed(mechanism: Mechanism, terms: DeltaParameters) -> Mechanism:

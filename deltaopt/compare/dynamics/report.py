@@ -80,7 +80,16 @@ def notes(study: Study) -> str:
 
 def answer(study: Study) -> str:
     """Say which model to use for what: the cheapest for each task, and how accurate they are."""
-    return fill(" ".join([*_cheapest(study), _accuracy(study)]), width=98)
+    errors = (
+        f"{max(row.median_error / study.floor[row.task] for row in own):.1f} times ({name})"
+        for name in ("L_E", "L_I")
+        for own in [[row for row in study.rows if row.model == name]]
+    )
+    accuracy = (
+        f"Median errors are at most {' and '.join(errors)} what rounding the state alone makes; no"
+        " state is near a singularity."
+    )
+    return fill(" ".join([*_cheapest(study), accuracy]), width=98)
 
 
 def _cheapest(study: Study) -> Iterator[str]:
@@ -124,16 +133,3 @@ def _multiplier(study: Study, task: str, origin: str = "") -> float:
     """Seconds of L_I with the fastest solver."""
     rows = (row for row in study.rows if (row.task, row.model) == (task, f"L_I{origin}"))
     return min(row.seconds for row in rows)
-
-
-def _accuracy(study: Study) -> str:
-    errors = (f"{_worst(study, name):.1f} times ({name})" for name in ("L_E", "L_I"))
-    return (
-        f"Median errors are at most {' and '.join(errors)} what rounding the state alone makes; no"
-        " state is near a singularity."
-    )
-
-
-def _worst(study: Study, model: str) -> float:
-    own = (row for row in study.rows if row.model == model)
-    return max(row.median_error / study.floor[row.task] for row in own)

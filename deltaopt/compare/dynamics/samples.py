@@ -7,28 +7,12 @@ import numpy as np
 
 from deltaopt.compare.dynamics.many_digits import ManyDigits, Matrix
 from deltaopt.compare.dynamics.models import FORWARD, Samples, Task, written_out
+from deltaopt.compare.dynamics.printed import PAPER
 from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.consistency import Projector
 from deltaopt.dynamics.formulation import state
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import Mechanism
-from deltaopt.mechanisms.delta.mechanism import DeltaParameters
-
-PAPER = DeltaParameters(
-    a1=0.20,
-    a2=0.10,
-    a3=0.25,
-    a4=0.10,
-    m1=0.30,
-    m2=1.00,
-    m3=0.40,
-    m4=0.25,
-    I33=0.40 * 0.10**2 / 3,
-    I41=0.25 * 0.25**2 / 3,
-    I43=0.25 * 0.25**2 / 3,
-    g=9.81,
-)
-"""Section 5.3; slender bars."""
 
 NEAR_HOME = np.array([0.45, 0.0, 0.0, *3 * [-0.232, -2.20, 0.0]])
 """Roughly the q of the platform at (0.45, 0, 0) m, m and rad."""

@@ -19,9 +19,9 @@ from deltaopt.codegen.c_compiler import Compiler
 from deltaopt.codegen.compile import in_machine_code
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.models import TASKS, Samples, Task, models
+from deltaopt.compare.dynamics.printed import PAPER
 from deltaopt.compare.dynamics.samples import (
     NEAR_HOME,
-    PAPER,
     exact_samples,
     relative_error,
     rounding_error,
@@ -157,7 +157,7 @@ def compare_dynamics(
     progress(0.2, "deriving the models")
     J = ca.Function("J", [mechanism.time, mechanism.q, mechanism.parameters], [mechanism.J])
     partition = Partition.pivoted(np.asarray(J(0.0, NEAR_HOME, samples.parameters)))
-    cases = [(task, model) for task in TASKS for model in models(partition, PAPER)]
+    cases = [(task, model) for task in TASKS for model in models(partition)]
     functions = [
         renamed(model.build(mechanism, task), f"model{i}") for i, (task, model) in enumerate(cases)
     ]

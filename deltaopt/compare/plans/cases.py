@@ -97,7 +97,7 @@ class Case:
         def kept(k: float) -> bool:
             return bool((np.abs(slowed(k)[:, judged]) <= 1 + 1e-12).all())
 
-        return _smallest(kept, 1.0)
+        return _smallest(kept)
 
     def _slowed(self, position: PiecewisePolynomial) -> Callable[[float], Array]:
         """The limits' rows of the motion k times as slow, (N · 25, rows), as a function of k.
@@ -105,7 +105,7 @@ class Case:
         Under gravity g, viscous friction c and inertia forces d the torque is g + c / k + d / k².
         """
         p, (g, c, d) = self.task.p, self._torques(position)
-        x, v, a = motion_inside(position, FRACTIONS)
+        x, v, a = motion_inside(position)
         q, dq, ddq = self.system.rows(self.system.motion, x, v, a, p=p)
 
         def rows(k: float) -> Array:
@@ -116,7 +116,7 @@ class Case:
 
     def _torques(self, position: PiecewisePolynomial) -> tuple[Array, Array, Array]:
         """Against gravity, against friction (odd in velocity), for acceleration; (N · 25, m)."""
-        x, v, a = motion_inside(position, FRACTIONS)
+        x, v, a = motion_inside(position)
         rest, inverse = np.zeros_like(v), self.system.inverse_dynamics
 
         def torque(v: Array, a: Array) -> Array:
@@ -126,10 +126,10 @@ class Case:
         return gravity, (forward - backward) / 2, (forward + backward) / 2 - gravity
 
 
-def motion_inside(position: PiecewisePolynomial, fractions: Array) -> tuple[Array, Array, Array]:
-    """Return a polynomial and its two derivatives at fractions of its intervals, each
-    (N · len(fractions), m)."""
-    return position.with_derivatives(*position.everywhere(fractions))
+def motion_inside(position: PiecewisePolynomial) -> tuple[Array, Array, Array]:
+    """Return a polynomial and its two derivatives at ``FRACTIONS`` of its intervals, each
+    (N · 25, m)."""
+    return position.with_derivatives(*position.everywhere(FRACTIONS))
 
 
 def delta_case(name: str, scene: Scene) -> Case:
@@ -195,14 +195,15 @@ def _five_bar_system() -> ScaledMechanism:
     return ScaledMechanism(m, (0, 1), inverse_kinematics(parameters), scales, units, limits)
 
 
-def _smallest(kept: Callable[[float], bool], least: float) -> float:
-    """The least factor from which on ``kept`` holds, by doubling steps and bisection to 1e-12."""
-    if kept(least):
-        return least
+def _smallest(kept: Callable[[float], bool]) -> float:
+    """The least factor from 1 on from which ``kept`` holds, by doubling steps and bisection to
+    1e-12."""
+    if kept(1.0):
+        return 1.0
     step = 1e-6
-    while not kept(least + step):
+    while not kept(1.0 + step):
         step *= 2
         if step > SLOWEST:
             return np.inf
-    low = least + step / 2 if step > 1e-6 else least
-    return bisected_number(kept, low, least + step, max(0, ceil(log2(step / 1e-12))))[1]
+    low = 1.0 + step / 2 if step > 1e-6 else 1.0
+    return bisected_number(kept, low, 1.0 + step, max(0, ceil(log2(step / 1e-12))))[1]

@@ -44,7 +44,7 @@ def quality(case: Case, problem: CollocationProblem, z: Array) -> Quality:
     system, planned = case.system, problem.unpack(z, case.task)
     xi = independent(case, problem, planned)
     torques = problem.torques(z, case.task)
-    motion: tuple[Array, ...] = motion_inside(planned, FRACTIONS)
+    motion: tuple[Array, ...] = motion_inside(planned)
     if len(problem.equations.coordinates) != system.n:
         motion = system.rows(system.motion, *motion, p=case.task.p)
     powers = _powers(problem.variables.points).T @ torques  # (N, powers, motors)

@@ -61,11 +61,6 @@ class DeltaParameters:
     tool_z: SX | float | None = None
 
     @property
-    def beyond_the_paper(self) -> bool:
-        """Whether there is a parameter that the paper's equations do not have."""
-        return not set(self.present()) <= _OF_THE_PAPER
-
-    @property
     def gravity(self) -> SX | None:
         """Acceleration of gravity in the base frame, 3, m/s²; None if there is none."""
         return _vector(self.g, self.g_y, self.g_z)
@@ -119,9 +114,6 @@ class DeltaParameters:
             elif value is not None:
                 named[name] = value
         return named
-
-
-_OF_THE_PAPER = {"a1", "a2", "a3", "a4", "m1", "m2", "m3", "m4", "I33", "I41", "I42", "I43", "g"}
 
 
 def _vector(*components: SX | float | None) -> SX | None:
