@@ -35,6 +35,8 @@ _NEAR_ENDS = 100
 _DISCS = 8
 """How many times as far as from other paths numbers are from each other: each covers some of its
 path."""
+_DISC = {"boxstyle": "circle,pad=0.1", "facecolor": "white", "edgecolor": "none"}
+"""About the number of a leg, which is written into its path."""
 _INSIDE = np.array([0.0, 0.25, 0.5, 0.75, 1 - 1e-9])
 """Fractions of an interval between two knots, at which torques are drawn, its end nearly."""
 _SIDES = {0.0: "above the start (mm)", np.pi / 2: "beside the start (mm)"}
@@ -46,26 +48,21 @@ def draw_cycle(file: Path, plan: CyclePlan) -> None:
     with figure(file, 7.2, 4.6) as page:
         page.suptitle(headline_of_cycle(plan), fontsize=LARGE)
         grid = page.add_gridspec(2, 2, height_ratios=[1.25, 1])
-        views = [_view(plan, tilt) for tilt in _SIDES]
+        ends = [leg.trajectory(leg.trajectory.knots[[0]]).x[0] for leg in plan.legs]
+        apart = max(combinations(ends, 2), key=lambda two: float(np.linalg.norm(two[1] - two[0])))
+        views = [along_move(*apart, tilt) for tilt in _SIDES]  # with the farthest side by side
         places = [_apart([_path(leg, place) for leg in plan.legs]) for place in views]
         widest = max(range(len(views)), key=lambda column: places[column][1])
         for column, (place, (tilt, up)) in enumerate(zip(views, _SIDES.items(), strict=True)):
             axes = page.add_subplot(grid[0, column])
             _paths(axes, plan, place, up)
             axes.set_title("side view: loaded solid, empty dashed" if tilt == 0 else "from above")
-            if column == widest:
-                _number(axes, places[column][0])
+            for number, (x, y) in enumerate(places[column][0] if column == widest else (), 1):
+                axes.annotate(f"{number}", (x, y), ha="center", va="center", bbox=_DISC, zorder=5)
         _torques(page.add_subplot(grid[1, :]), plan)
         robot = plan.legs[0].scene.robot
         caption = f"{robot.name}; legs are numbered, the robot dwells where it is shaded"
         page.supxlabel(verbatim(caption), fontsize=SMALL, color=GREY)
-
-
-def _view(plan: CyclePlan, tilt: float) -> Place:
-    """Places in a view, mm, with the two ends of legs that are farthest apart side by side."""
-    ends = [leg.trajectory(leg.trajectory.knots[[0]]).x[0] for leg in plan.legs]
-    start, goal = max(combinations(ends, 2), key=lambda two: float(np.linalg.norm(two[1] - two[0])))
-    return along_move(start, goal, tilt)
 
 
 def _path(leg: Plan, place: Place) -> Array:
@@ -87,13 +84,6 @@ def _apart(paths: Sequence[Array]) -> tuple[list[Array], float]:
         places.append(inner[room.argmax()])
         least = min(least, float(room.max()))
     return places, least
-
-
-def _number(axes: Axes, places: Sequence[Array]) -> None:
-    """Write the number of each leg into its path."""
-    disc = {"boxstyle": "circle,pad=0.1", "facecolor": "white", "edgecolor": "none"}
-    for number, (across, up) in enumerate(places, 1):
-        axes.annotate(f"{number}", (across, up), ha="center", va="center", bbox=disc, zorder=5)
 
 
 def _paths(axes: Axes, plan: CyclePlan, place: Place, up: str) -> None:

@@ -7,7 +7,7 @@ from math import pi
 from pathlib import Path
 from textwrap import fill
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -30,7 +30,7 @@ from deltaopt.plots.style import (
     verbatim,
     without_box,
 )
-from deltaopt.plots.surroundings import Place, draw_bodies_near, draw_surroundings
+from deltaopt.plots.surroundings import draw_bodies_near, draw_surroundings
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.robot import as_delta
 from deltaopt.scene.scene import Scene
@@ -67,9 +67,10 @@ def draw(
         page.suptitle(headline_of(scene, trajectory, duty), fontsize=LARGE)
         grid = page.add_gridspec(len(rows), 2, width_ratios=[1.2, 1], height_ratios=rows)
         beside = 3 if others else 2
-        _robot(page.add_subplot(grid[:beside, 0]), scene, trajectory)
+        ends = ends_of(problem_of(scene), trajectory)
+        _robot(page.add_subplot(grid[:beside, 0]), scene, trajectory, ends)
         for row, tilt in enumerate((0.0, pi / 2)):
-            _path(page.add_subplot(grid[row, 1]), scene, trajectory, tilt)
+            _path(page.add_subplot(grid[row, 1]), scene, trajectory, ends, tilt)
         if others:
             _bars(page.add_subplot(grid[2, 1]), {**others, "this plan": trajectory.duration})
         over_time = [page.add_subplot(grid[row, :]) for row in range(beside, len(rows))]
@@ -77,12 +78,11 @@ def draw(
         if scene.keep_out:
             _clearance(over_time[1], scene, trajectory)
         over_time[-1].set_xlabel("time (ms)", loc="left")
-        told = (
-            verbatim(fill(_what(scene, trajectory), _LINE)),
-            assumption(scene.task),
-            _marks(scene),
-        )
-        page.supxlabel("\n".join(filter(None, told)), fontsize=SMALL, color=GREY)
+        load = f" {scene.payload_in_words}" if scene.payload else ""
+        way = f"{1e3 * np.linalg.norm(ends[1] - ends[0]):.3g} mm{load}, {scene.objective}"
+        what = verbatim(fill(f"{scene.robot.name}: {way}", _LINE))
+        told = "\n".join(filter(None, (what, assumption(scene.task), _marks(scene))))
+        page.supxlabel(told, fontsize=SMALL, color=GREY)
 
 
 def headline_of(scene: Scene, trajectory: Trajectory, duty: Duty | None) -> str:
@@ -95,34 +95,26 @@ def headline_of(scene: Scene, trajectory: Trajectory, duty: Duty | None) -> str:
 
 def _marks(scene: Scene) -> str:
     """What the marks about the path are; empty where there are none."""
-    has_spheres = any(point.within for point in scene.task.via)
     told = {
         "grey: keep out": bool(scene.keep_out),
         "blue: stay within": bool(scene.tube or scene.columns),
         "diamonds: via points": bool(scene.task.via),
-        "circles: pass within": has_spheres,
+        "circles: pass within": any(point.within for point in scene.task.via),
         "orange: velocities at the ends": scene.moves_at_ends,
     }
     return "; ".join(sentence for sentence, holds in told.items() if holds)
 
 
-def _what(scene: Scene, trajectory: Trajectory) -> str:
-    """The robot, the distance, the load and the objective."""
-    start, goal = ends_of(problem_of(scene), trajectory)
-    way = float(np.linalg.norm(goal - start))
-    load = f" {scene.payload_in_words}" if scene.payload else ""
-    return f"{scene.robot.name}: {1e3 * way:.3g} mm{load}, {scene.objective}"
-
-
-def _robot(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
-    """Draw the robot at some instants, the later the darker, and the path of its tool."""
-    view = view_of_move(*ends_of(problem_of(scene), trajectory))
+def _robot(axes: Axes, scene: Scene, trajectory: Trajectory, ends: Array) -> None:
+    """Draw the robot at some instants, the later the darker, and the path of its tool; ``ends``:
+    start and goal, (2, 3), m."""
+    view = view_of_move(*ends)
     motion = trajectory(trajectory.instants(_INSTANTS))
     strengths = np.linspace(_FAINTEST, 1, _INSTANTS) ** 1.5
     for x, theta, strength in zip(motion.x, motion.theta, strengths, strict=True):
         draw_robot(axes, as_delta(scene.robot), x, theta, view, strength=float(strength))
-    _lines(axes, scene, trajectory, view)
     path = trajectory(trajectory.instants(_SAMPLES)).x
+    _lines(axes, view(ends), view(path))
     draw_bodies_near(axes, scene, path, view)
     draw_surroundings(axes, scene.model_copy(update={"keep_out": None}), trajectory, view)
     axes.set_aspect("equal", adjustable="datalim")
@@ -130,10 +122,8 @@ def _robot(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
     axes.set_title(f"the robot at {_INSTANTS} instants, the last the darkest")
 
 
-def _lines(axes: Axes, scene: Scene, trajectory: Trajectory, view: Place) -> None:
-    """Draw the straight line from start to goal, the path, and where it begins and ends."""
-    ends = view(ends_of(problem_of(scene), trajectory))
-    path = view(trajectory(trajectory.instants(_SAMPLES)).x)
+def _lines(axes: Axes, ends: Array, path: Array) -> None:
+    """Draw the straight line from start to goal, (2, 2), the path, (N, 2), and its ends."""
     above: dict[str, Any] = {"color": BLACK, "zorder": 4}
     halo = [Stroke(linewidth=3.0, foreground="white"), Normal()]
     axes.plot(*path.T, "-", linewidth=1.5, path_effects=halo, **above)
@@ -142,24 +132,23 @@ def _lines(axes: Axes, scene: Scene, trajectory: Trajectory, view: Place) -> Non
     axes.plot(*ends[1], "o", markersize=4, **above)
 
 
-def _path(axes: Axes, scene: Scene, trajectory: Trajectory, tilt: float) -> None:
+def _path(axes: Axes, scene: Scene, trajectory: Trajectory, ends: Array, tilt: float) -> None:
     """Draw the path alone, along the move to the right, mm: from the side, where up is up, or from
-    above, which ``tilt`` says as a `View`'s."""
-    start, goal = ends_of(problem_of(scene), trajectory)
-    place = along_move(start, goal, tilt)
-    _lines(axes, scene, trajectory, place)
+    above, which ``tilt`` says as a `View`'s. ``ends``: start and goal, (2, 3), m."""
+    place = along_move(ends[0], ends[1], tilt)
+    path = place(trajectory(trajectory.instants(_SAMPLES)).x)
+    _lines(axes, place(ends), path)
     dots = place(trajectory(trajectory.instants(_INSTANTS)[1:-1]).x)
     axes.plot(*dots.T, "o", color=BLACK, markersize=3, zorder=4)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.08)
     draw_surroundings(axes, scene, trajectory, place)
-    ups = place(trajectory(trajectory.instants(_SAMPLES)).x)[:, 1]
-    farthest = max(ups.max(), -ups.min())
+    ups = path[:, 1]
     if tilt == 0:
         axes.set_title(f"side view: {ups.max():.0f} mm up at most")
         axes.set_ylabel("up (mm)")
     else:
-        axes.set_title(f"from above: {farthest:.0f} mm aside at most")
+        axes.set_title(f"from above: {max(ups.max(), -ups.min()):.0f} mm aside at most")
         axes.set_ylabel("aside (mm)")
         axes.set_xlabel("along the move (mm)")
     without_box(axes)
@@ -190,36 +179,25 @@ def _clearance(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
     """Draw the distances of the tool and of the links from the nearest body over time, and the
     least that is asked for, mm; the title tells the least of those that the scene keeps."""
     t, asked = trajectory.instants(_SAMPLES), 1e3 * scene.least_clearance
-    coarse = _nearest(_in_mm(scene, trajectory, t))
-    around = t[max(0, coarse.instant - 1)], t[min(coarse.instant + 1, len(t) - 1)]
+    _, instant, _ = _nearest(_in_mm(scene, trajectory, t))
+    around = t[max(0, instant - 1)], t[min(instant + 1, len(t) - 1)]
     t = np.sort(np.append(t, np.linspace(*around, _SAMPLES // 5)))  # where a path turns sharply
     kept = _in_mm(scene, trajectory, t)
     for (name, values), colour in zip(kept.items(), (BLACK, GREY), strict=False):
         axes.plot(1e3 * (t - t[0]), values.min(axis=1), color=colour, label=name)
-    nearest = _nearest(kept)
-    body = (scene.keep_out or ())[nearest.body].kind
+    name, instant, body = _nearest(kept)
+    least, kind = float(kept[name][instant, body]), (scene.keep_out or ())[body].kind
     axes.set_title(
-        f"clearance: from {nearest.of} to a {body} {nearest.distance:.2f} mm at least, "
-        f"{asked:.3g} mm are asked for"
+        f"clearance: from {name} to a {kind} {least:.2f} mm at least, {asked:.3g} mm are asked for"
     )
-    at = 1e3 * (t[nearest.instant] - t[0])
-    axes.plot(at, nearest.distance, "o", color=BLACK, markersize=4, label="_nearest")
+    at = 1e3 * (t[instant] - t[0])
+    axes.plot(at, least, "o", color=BLACK, markersize=4, label="_nearest")
     axes.axhline(asked, color=BLACK, linewidth=1.0, linestyle=":", label="_asked", zorder=1)
-    axes.set_ylim(bottom=min(0.0, nearest.distance))
+    axes.set_ylim(bottom=min(0.0, least))
     axes.set_xlim(0.0, 1e3 * trajectory.duration)
     axes.set_ylabel("mm")
     name_lines(axes, room=_ROOM, apart=0.2)
     without_box(axes)
-
-
-class _Nearest(NamedTuple):
-    """What of the robot is nearest to a body: its name, the distance, mm, and the indices of the
-    instant and of the body."""
-
-    of: str
-    distance: float
-    instant: int
-    body: int
 
 
 def _in_mm(scene: Scene, trajectory: Trajectory, t: Array) -> dict[str, Array]:
@@ -227,10 +205,11 @@ def _in_mm(scene: Scene, trajectory: Trajectory, t: Array) -> dict[str, Array]:
     return {name: 1e3 * each for name, each in clearances(scene, trajectory(t)).items()}
 
 
-def _nearest(distances: Mapping[str, Array]) -> _Nearest:
-    of = min(distances, key=lambda name: float(distances[name].min()))
-    instant, body = np.unravel_index(distances[of].argmin(), distances[of].shape)
-    return _Nearest(of, float(distances[of].min()), int(instant), int(body))
+def _nearest(distances: Mapping[str, Array]) -> tuple[str, int, int]:
+    """What of the robot is nearest to a body: its name, and the indices of instant and body."""
+    name = min(distances, key=lambda name: float(distances[name].min()))
+    instant, body = np.unravel_index(distances[name].argmin(), distances[name].shape)
+    return name, int(instant), int(body)
 
 
 def _bars(axes: Axes, durations: Mapping[str, float]) -> None:

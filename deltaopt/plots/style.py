@@ -15,7 +15,6 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 from PIL import Image
 
@@ -133,7 +132,9 @@ def name_lines(axes: Axes, *, room: float, apart: float = 0.09) -> None:
     if axes.get_xscale() == "linear":
         axes.set_xticks([tick for tick in axes.get_xticks() if left <= tick <= right])
     axes.set_xlim(right=float(scale.inverted().transform(wider)[0]))
-    places = np.array([axes.transLimits.transform(scale.transform(_last(line))) for line in named])
+    points = (np.asarray(line.get_xydata(), dtype=float) for line in named)
+    last = [each[np.isfinite(each).all(axis=1)][-1] for each in points]  # that exists
+    places = axes.transLimits.transform(scale.transform(last))
     order = np.argsort(places[:, 1], kind="stable")
     heights = places[order, 1].clip(apart / 2, 1 - apart / 2)
     steps = apart * np.arange(len(order))
@@ -160,12 +161,6 @@ def name_lines(axes: Axes, *, room: float, apart: float = 0.09) -> None:
             va="center",
             color=colour,
         )
-
-
-def _last(line: Line2D) -> Array:
-    """The last point of a line that exists."""
-    points = np.asarray(line.get_xydata(), dtype=float)
-    return np.asarray(points[np.isfinite(points).all(axis=1)][-1])
 
 
 def without_box(axes: Axes) -> None:

@@ -14,7 +14,6 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.body_outlines import axis_points, columns_of, corners_of, edges_of
 from deltaopt.plots.colours import BLACK, GREY, LIGHT_BLUE, LIGHT_GREY, ORANGE
-from deltaopt.scene.bodies import Body
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingPoint
 
@@ -44,8 +43,10 @@ def draw_bodies(axes: Axes, scene: Scene, place: Place) -> None:
     beside = _BESIDE * float(np.ptp(seen, axis=0).max())
     low, high = seen[0] - beside, seen[1] + beside
     for body in scene.keep_out:
-        if _covers_all(body, place):
-            continue
+        if body.half_space is not None:
+            seen_normal = np.diff(place(np.array([np.zeros(3), body.half_space.normal])), axis=0)
+            if np.linalg.norm(seen_normal) < 1e-6:  # its plane is seen from its front: all is body
+                continue
         outline = place(corners_of(body, _FAR))
         shadow = Polygon(_hull(outline), color=LIGHT_GREY, linewidth=0.0, zorder=0)
         axes.add_artist(shadow)  # which, unlike a patch, does not widen the range
@@ -122,14 +123,6 @@ def _radius(length: float, place: Place) -> float:
     return float(np.sqrt((offsets**2).sum() / 2))
 
 
-def _covers_all(body: Body, place: Callable[[Array], Array]) -> bool:
-    """Whether a body is a half-space whose plane is seen from its front."""
-    if body.half_space is None:
-        return False
-    seen = np.diff(place(np.array([np.zeros(3), body.half_space.normal])), axis=0)
-    return float(np.linalg.norm(seen)) < 1e-6
-
-
 def _hull(points: Array) -> Array:
     """The corners of the convex hull of points in a plane, in their order, (n, 2)."""
     ordered = points[np.lexsort(points.T[::-1])]
@@ -137,12 +130,11 @@ def _hull(points: Array) -> Array:
     for line in (ordered, ordered[::-1]):
         chain: list[Array] = []
         for point in line:
-            while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= 0:
+            while len(chain) > 1:
+                (x, y), (u, v) = chain[-1] - chain[-2], point - chain[-2]
+                if x * v - y * u > 0:  # a turn to the left
+                    break
                 chain.pop()
             chain.append(point)
         halves += chain[:-1]
     return np.array(halves)
-
-
-def _turn(a: Array, b: Array, c: Array) -> float:
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))

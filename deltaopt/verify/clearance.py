@@ -257,9 +257,18 @@ class _MovingLinks:
         bars, ahead = geometry.pins - geometry.elbows, geometry.ahead
         elbow_rates = robot.upper_arm.length * dtheta[..., None] * ahead
         pin_rates = np.broadcast_to(v[:, None], elbow_rates.shape)
-        bend, h = largest[:, None], parts.half[:, None]
-        of_elbow = _off(robot, bars, ahead, elbow_rates, pin_rates, dtheta, bend, h)
-        of_pin = np.broadcast_to(bend * h**2 / 2, of_elbow.shape)
+        largest, h = largest[:, None], parts.half[:, None]
+        L, length, speed = robot.upper_arm.length, robot.forearm.length, np.abs(dtheta)
+        bend = largest + L * dtheta**2
+        fastest = np.linalg.norm(pin_rates - elbow_rates, axis=2) + bend * h
+        G = (fastest**2 + (length + fastest * h) * bend) * h**2
+        lever = np.abs((bars * ahead).sum(axis=2))
+        turned = speed * h + G / (L * lever)
+        moved = (np.linalg.norm(pin_rates, axis=2) + largest * h) * h
+        m = lever - moved - L * turned - (length + moved + L * turned) * turned
+        elbow_bend = L * dtheta**2 * h**2 / 2 + G / (2 * m)
+        of_elbow = np.where(m >= lever / 2, elbow_bend, np.inf)
+        of_pin = np.broadcast_to(largest * h**2 / 2, of_elbow.shape)
         still = np.zeros_like(elbow_rates)
         moving = each_link(still, elbow_rates), each_link(elbow_rates, pin_rates)
         bent = each_link(still[..., 0], of_elbow), each_link(of_elbow, of_pin)
@@ -275,28 +284,6 @@ class _MovingLinks:
         level = np.stack([distance - share * rise, distance + (1 - share) * rise], axis=2)
         towards = np.abs(np.einsum("nlc,nlec->nle", normal, self.rates)) * self.half[:, None, None]
         return distance, (level - towards - self.off).min(axis=2)
-
-
-def _off(
-    robot: Robot,
-    bars: Array,
-    ahead: Array,
-    elbow_rates: Array,
-    pin_rates: Array,
-    dtheta: Array,
-    largest: Array,
-    h: Array,
-) -> Array:
-    """By how much elbows are off uniform motion within h of the middle at most, (N, 3), m."""
-    L, length, speed = robot.upper_arm.length, robot.forearm.length, np.abs(dtheta)
-    bend = largest + L * dtheta**2
-    fastest = np.linalg.norm(pin_rates - elbow_rates, axis=2) + bend * h
-    G = (fastest**2 + (length + fastest * h) * bend) * h**2
-    lever = np.abs((bars * ahead).sum(axis=2))
-    turned = speed * h + G / (L * lever)
-    moved = (np.linalg.norm(pin_rates, axis=2) + largest * h) * h
-    m = lever - moved - L * turned - (length + moved + L * turned) * turned
-    return np.where(m >= lever / 2, L * dtheta**2 * h**2 / 2 + G / (2 * m), np.inf)
 
 
 def _nearest(body: Convex, begin: Array, way: Array) -> tuple[Array, Array, Array]:

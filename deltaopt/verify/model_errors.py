@@ -24,7 +24,11 @@ from deltaopt.verify.units import Units, way_of
 def model_errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     """E_K and E_D of the reported q, q̇, q̈ and τ, by the scene's mechanism."""
     units = Units.of(scene, trajectory)
-    fractions, weights = _nodes(trajectory)
+    own = trajectory.coordinates
+    degree = 0 if own is None else own.coefficients.shape[1] - 1
+    parts = max(1, -(-2 * degree // DEGREE))  # twice as many nodes as determine the polynomials
+    fractions = ((np.arange(parts)[:, None] + POINTS) / parts).ravel()
+    weights = np.tile(WEIGHTS, parts) / parts  # in a mean over a piece
     q, dq, ddq = trajectory.coordinates_inside(fractions)
     tau = trajectory.model.inverse_dynamics(*trajectory.path_inside(fractions))
     model = model_of(scene.robot, scene.payload)
@@ -70,13 +74,3 @@ def _residuals(functions: Functions, formulation: Formulation) -> ca.Function:
     kinematic = ca.vertcat(*closure(q, dq, p))
     found = ca.Function("residuals", [q, dq, ddq, tau, p], [kinematic, ddq - modelled])
     return found.expand() if formulation == Explicit() else found
-
-
-def _nodes(trajectory: Trajectory) -> tuple[Array, Array]:
-    """Fractions of every piece and their weights in a mean over it, (n,) each: twice as many as
-    determine the polynomials of coordinates, if a motion has its own."""
-    own = trajectory.coordinates
-    degree = 0 if own is None else own.coefficients.shape[1] - 1
-    parts = max(1, -(-2 * degree // DEGREE))
-    fractions = ((np.arange(parts)[:, None] + POINTS) / parts).ravel()
-    return fractions, np.tile(WEIGHTS, parts) / parts

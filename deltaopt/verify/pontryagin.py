@@ -221,7 +221,8 @@ class _Fit:
         share = along[..., :3]
         limit = limits_there[0, 0]
         lengths = np.diff(trajectory.knots)
-        sign = _signs(share)
+        upper, lower = (share > _AT_LIMIT).all(axis=1), (share < -_AT_LIMIT).all(axis=1)
+        sign = np.asarray(upper.astype(float) - lower)
         at_limit = _at_limit(rows, sign, reached, lengths / T)
         held = _rows_held(rows, sign, at_limit)
         held_by_motion = np.take_along_axis(by_motion, held[:, None, :, None], axis=2)
@@ -246,7 +247,7 @@ class _Fit:
             by_held=by_held,
             rate=rate / mean,
             rate_slopes=(by_share @ share_slopes)[:, :, 0],
-            jumps=_jumps(rows, at_limit, _touched(rows, at_limit, reached), by_state[:, 0]),
+            jumps=_jumps(rows, at_limit, reached, by_state[:, 0]),
         )
 
     def solved(self) -> Extremal:
@@ -325,12 +326,6 @@ class _Fit:
         return steps[..., :6], steps[..., 6]
 
 
-def _signs(torque: Array) -> Array:
-    """Of the limits that torques are at all over an interval, (K, 3)."""
-    upper, lower = (torque > _AT_LIMIT).all(axis=1), (torque < -_AT_LIMIT).all(axis=1)
-    return np.asarray(upper.astype(float) - lower)
-
-
 def _at_limit(rows: _Rows, sign: Array, reached: Array, h: Array) -> Truths:
     """States that are held all over an interval, (K, states)."""
     ones, states = len(rows.first), len(rows.first) + len(rows.second)
@@ -362,23 +357,17 @@ def _rows_held(rows: _Rows, sign: Array, at_limit: Truths) -> Integers:
     return held
 
 
-def _touched(rows: _Rows, at_limit: Truths, reached: Array) -> Truths:
-    """Rows of order 1 that are at a limit where an interval begins, and not held before or after,
-    (K, states)."""
-    touched, ones = np.zeros_like(at_limit), len(rows.first)
-    there = _size(rows, reached)[:, 0] > 1 - _TOUCHES
-    touched[1:, :ones] = there[1:] & ~at_limit[1:, :ones] & ~at_limit[:-1, :ones]
-    return touched
-
-
-def _jumps(rows: _Rows, at_limit: Truths, touched: Truths, by_state: Array) -> dict[int, Array]:
+def _jumps(rows: _Rows, at_limit: Truths, reached: Array, by_state: Array) -> dict[int, Array]:
     """Gradients of what comes to a limit where an interval begins, (jumps, 6) each: of a row of
-    order 1 its own, of one of order 0 its own and its derivative's.
+    order 1 its own, of one of order 0 its own and its derivative's. A row of order 1 may be at a
+    limit there without being held before or after.
 
     ``by_state``: of states and derivatives of those of order 0, (K, rows, 6).
     """
-    new, ones = at_limit | touched, len(rows.first)
+    new, ones = at_limit.copy(), len(rows.first)
     new[1:] &= ~at_limit[:-1]
+    there = _size(rows, reached)[1:, 0] > 1 - _TOUCHES
+    new[1:, :ones] |= there & ~at_limit[1:, :ones] & ~at_limit[:-1, :ones]
     jumps: dict[int, list[Array]] = {}
     for i, state in np.argwhere(new).tolist():
         gradients = (state,) if state < ones else (state, state + len(rows.second))

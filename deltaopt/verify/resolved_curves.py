@@ -213,7 +213,12 @@ class ResolvedCurves:
     def _candidates(self, number: int) -> tuple[Index, Index, Array]:
         """Hills of the polynomials that may be the highest of their curve: cell, curve, place in
         the cell from -1 to 1."""
-        cell, curve = self._may_be_highest(number)
+        # A polynomial is nowhere above the sum of its coefficients' sizes, but for the first.
+        first, rest = self.coefficients[:, 0, :number], self.coefficients[:, 1:, :number]
+        most = first + np.abs(rest).sum(axis=1)
+        sampled = self.values[:, :, :number].max(axis=(0, 1))
+        beyond = sampled - _NEARLY * np.maximum(np.abs(sampled), np.abs(first).max(axis=0))
+        cell, curve = np.nonzero(most >= beyond)
         grid = self.coefficients[cell, :, curve] @ _AT_FINE.T
         # A hill between two points of the fine grid is higher than these by 2 % of the cell's
         # range at most: (12 π / 96)² / 8 for a curve that oscillates six times in a cell.
@@ -225,17 +230,6 @@ class ResolvedCurves:
         hill &= grid + room >= highest[curve][:, None]
         pair, fine = np.nonzero(hill)
         return cell[pair], curve[pair], _FINE_PLACES[fine]
-
-    def _may_be_highest(self, number: int) -> tuple[Index, Index]:
-        """Cells and those of the first so many curves that may be as high in them as the curve's
-        highest sample: a polynomial is nowhere above the sum of its coefficients' sizes, but for
-        the first."""
-        first, rest = self.coefficients[:, 0, :number], self.coefficients[:, 1:, :number]
-        most = first + np.abs(rest).sum(axis=1)
-        highest = self.values[:, :, :number].max(axis=(0, 1))
-        beyond = highest - _NEARLY * np.maximum(np.abs(highest), np.abs(first).max(axis=0))
-        cell, curve = np.nonzero(most >= beyond)
-        return cell, curve
 
     def _better(self, tops: Peaks) -> Peaks:
         """These, or samples that are higher still."""

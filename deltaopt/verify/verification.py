@@ -367,6 +367,7 @@ def _optimality(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
 
 
 def _ends(scene: Scene, trajectory: Trajectory, nothing: Verification) -> dict[str, float]:
+    """Of the ends, and of what is on the way."""
     x, v, a = trajectory.path_inside([0.0, 1.0])
     task, on_path = scene.task, dict[str, float]()
     if isinstance(task, OnPath):
