@@ -20,7 +20,7 @@ from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.dynamics.virtual_work import VirtualWork
 from deltaopt.files.output_folder import write_texts
-from deltaopt.mechanisms.delta.functions import DeltaFunctions, delta_functions
+from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import DeltaModel
@@ -141,39 +141,25 @@ def c_functions(robot: Robot) -> list[ca.Function]:
     """
     model = DeltaModel(robot, payload=1.0)
     functions = delta_functions(model.functions.terms, Explicit())
+    x, v, a, theta = (SX.sym(name, 3) for name in ("x", "v", "a", "theta"))
     payload = SX.sym("payload")
     names = model.functions.terms.names
     p = ca.vertcat(
         *(payload if n == "m2" else v for n, v in zip(names, model.parameters, strict=True))
     )
-    x, theta = SX.sym("x", 3), SX.sym("theta", 3)
-    angles = functions.inverse_kinematics(x, p)[3::3]
-    position = functions.forward_kinematics(theta, p)
-    return [
-        ca.Function("inverse_kinematics", [x], [angles], {"cse": True}),
-        ca.Function("forward_kinematics", [theta], [position], {"cse": True}),
-        _joint_motion(functions, p),
-        *_dynamics(functions, p, payload),
-    ]
-
-
-def _joint_motion(functions: DeltaFunctions, p: SX) -> ca.Function:
-    """(x, v, a) -> motor angles, speeds and accelerations."""
-    x, v, a = (SX.sym(name, 3) for name in ("x", "v", "a"))
     angles = functions.inverse_kinematics(x, p)[3::3]
     *_, speeds, accelerations = functions.explicit_equations(x, v, a, SX.zeros(3), p)
-    results = [angles, speeds, accelerations]
-    return ca.Function("joint_motion", [x, v, a], results, {"cse": True})
-
-
-def _dynamics(functions: DeltaFunctions, p: SX, payload: SX) -> list[ca.Function]:
-    """Inverse and forward dynamics by eq. (39)."""
-    x, v, given = (SX.sym(name, 3) for name in ("x", "v", "given"))
+    position = functions.forward_kinematics(theta, p)
+    tau, tau_given = functions.explicit_torques(x, v, a, p), SX.sym("tau", 3)
+    acceleration = functions.explicit_acceleration(x, v, tau_given, p)  # both by eq. (39)
     return [
-        ca.Function(name, [x, v, given, payload], [solved(x, v, given, p)], {"cse": True})
-        for name, solved in (
-            ("inverse_dynamics", functions.explicit_torques),
-            ("forward_dynamics", functions.explicit_acceleration),
+        ca.Function(name, inputs, results, {"cse": True})
+        for name, inputs, results in (
+            ("inverse_kinematics", [x], [angles]),
+            ("forward_kinematics", [theta], [position]),
+            ("joint_motion", [x, v, a], [angles, speeds, accelerations]),
+            ("inverse_dynamics", [x, v, a, payload], [tau]),
+            ("forward_dynamics", [x, v, tau_given, payload], [acceleration]),
         )
     ]
 

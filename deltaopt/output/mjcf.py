@@ -149,28 +149,14 @@ def _bar(robot: Robot, name: str, sign: float, bend: float, q3: float) -> str:
     slender = bars.mass * bars.length**2 / 12
     I1, I2, I3 = bars.inertia or (slender, 0.0, slender)
     own = max(I2, _LEAST_INERTIA * max(I1, I3))
-    turned = _product(
-        (cos(bend / 2), 0.0, 0.0, sin(bend / 2)), (cos(q3 / 2), sin(q3 / 2), 0.0, 0.0)
-    )
+    c1, s1, c2, s2 = cos(bend / 2), sin(bend / 2), cos(q3 / 2), sin(q3 / 2)
+    turned = (c1 * c2, c1 * s2 + 0.0, s1 * s2 + 0.0, s1 * c2 + 0.0)  # by q3 about x, then about z
     at = _text((0, robot.upper_arm.length, sign * _half_width(robot)))
     return f"""<body name="bar{name}" pos="{at}" quat="{_text(turned)}">
 <joint axis="{_text((0, sin(q3), cos(q3)))}"/><joint axis="1 0 0"/>
 <inertial mass="{bars.mass / 2!r}" pos="0 {bars.length / 2!r} 0"
  diaginertia="{_text((I1 / 2, own / 2, I3 / 2))}"/>
 <site name="tip{name}" pos="0 {bars.length!r} 0"/></body>"""
-
-
-Quaternion = tuple[float, float, float, float]
-
-
-def _product(a: Quaternion, b: Quaternion) -> Quaternion:
-    """The quaternion of the rotation b followed by a, both given about fixed axes."""
-    return (
-        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-    )
 
 
 def _point(mass: float) -> str:

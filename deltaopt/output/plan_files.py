@@ -23,7 +23,6 @@ from deltaopt.motion.motion_sequence import MotionSequence
 from deltaopt.motion.running_cost import cost
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.facts import Facts, StraightLine
-from deltaopt.planning.plan import TakenWay
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.settings import require_positive
 
@@ -68,7 +67,10 @@ def content(facts: Facts) -> dict[str, object]:
         "optima": [
             {name: finite(value) for name, value in vars(each).items()} for each in found.optima
         ],
-        "ways": [_way(each) for each in found.ways],
+        "ways": [
+            {"way": each.name, "duration": each.duration, "planned": each.is_planned}
+            for each in found.ways  # planned to the tolerance, otherwise on a coarse mesh
+        ],
         "active_limits": as_dicts(facts.active, found.sensitivities),
         "verification": facts.verification.as_dict(),
     }
@@ -121,11 +123,6 @@ def _motion(trajectory: Trajectory) -> dict[str, object]:
     if coordinates is not None:
         found["coordinates"] = coordinates.coefficients
     return {name: values.tolist() for name, values in found.items()}
-
-
-def _way(way: TakenWay) -> dict[str, object]:
-    """A way past bodies for JSON; ``planned``: to the tolerance, otherwise on a coarse mesh."""
-    return {"way": way.name, "duration": way.duration, "planned": way.is_planned}
 
 
 def schema() -> str:
