@@ -17,12 +17,11 @@ from pathlib import Path
 from typing import Any
 
 from deltaopt.cli.arguments import add_output, one_or_more
-from deltaopt.errors import installed
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.sweeps.findings import best_compromises, message, told, varied
 from deltaopt.sweeps.points import Points
 from deltaopt.sweeps.run import cluster, processes
-from deltaopt.sweeps.sweep import fill, read
+from deltaopt.sweeps.sweep import fill
 from deltaopt.sweeps.sweep_file import load_sweep
 
 
@@ -44,12 +43,10 @@ def add_how(parser: argparse.ArgumentParser) -> None:
 
 def filled(arguments: argparse.Namespace, name: str, points: Points) -> tuple[Path, Any]:
     """The table of all points, planned now where they are not there: its file and its rows."""
-    installed("pandas", "sweep")  # before any work
     file = arguments.output or Path("out") / f"{name}.csv"
     there = partial(cluster, arguments.scheduler)
     start = there if arguments.scheduler else partial(processes, arguments.workers)
-    fill(file, points, start, ProgressBar())
-    return file, read(file)
+    return file, fill(file, points, start, ProgressBar())
 
 
 def run(arguments: argparse.Namespace) -> int:

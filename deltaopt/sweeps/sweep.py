@@ -57,19 +57,18 @@ def sweep(
         >>> table["verified"].tolist()
         ['yes', 'yes', 'yes', 'yes', 'yes']
     """
-    installed("pandas", "sweep")  # before any work
     if isinstance(what, Sweep):
         what = what.points_from(Path())
     points = what if isinstance(what, Points) else load_sweep(what)[1]
     here = partial(processes, workers)
     start = here if executor is None else partial(on, executor, workers or 1)
-    fill(Path(file), points, start, progress)
-    return read(Path(file))
+    return fill(Path(file), points, start, progress)
 
 
-def fill(file: Path, points: Points, start: Start, progress: Progress | None = None) -> None:
-    """Add the row of each point that has none to a table. Raises OtherTable where its rows are of
-    other points than these."""
+def fill(file: Path, points: Points, start: Start, progress: Progress | None = None) -> Any:
+    """Add the row of each point that has none to a table, and return it, a pandas DataFrame. Raises
+    OtherTable where its rows are of other points than these, and MissingPackage."""
+    installed("pandas", "sweep")  # before any work
     if file.suffix == PARQUET:
         installed("pyarrow", "parquet")  # before any work
     with _table(_csv_of(file), points.columns) as (there, add):
@@ -88,9 +87,11 @@ def fill(file: Path, points: Points, start: Start, progress: Progress | None = N
                 time = f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"
                 done = len(there) + number
                 progress(done / len(points), f"{done} of {len(points)} points, {time} left")
+    table = read(file)
     if file.suffix == PARQUET:
         with atomic_write(file) as temporary:
-            read(file).to_parquet(temporary)
+            table.to_parquet(temporary)
+    return table
 
 
 def read(file: Path) -> Any:
