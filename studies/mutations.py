@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 from deltaopt.limits.limit import Limit
-from deltaopt.verify.forward_replay import Replay
 
 HELP = "take each feature away once, and name the tests that notice"
 SMALL: Mapping[str, object] = {"names": ("jumps at knots are measured",)}
@@ -87,7 +86,7 @@ CHANGES: dict[str, Change] = {
     "second argument": _the(1),
     "untightened": lambda _: lambda self, *_: replace(self.scaling, share=1.0),
     "one start": lambda _: lambda self, scene, usual, search: usual(scene),
-    "followed": _always(Replay(1.0, 0.0, 0.0)),
+    "followed": _always({"amplification": 1.0, "arrival_distance": 0.0, "arrival_speed": 0.0}),
     "links as they come": lambda _: lambda scene, planned, *_: (planned(scene), 0.0),
 }
 """What a function or property is replaced by: what it returns then, in words."""

@@ -12,9 +12,9 @@ motion is also followed in pieces, each from the reported state and too short fo
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -53,40 +53,27 @@ class NotIntegrated(Exception):
     """The motion under the reported torques could not be followed to the end."""
 
 
-@dataclass(frozen=True)
-class Replay:
-    """Where the reported torques lead.
-
-    ``amplification``: by how much a small deviation at the start grows until the end, about.
-    ``arrival_distance``, ``arrival_speed``: m and m/s, to the goal and its velocity at the end,
-    from the scene's start without correction; None where that is all rounding. ``defect_distance``,
-    ``defect_speed``: m and m/s, the largest difference from the reported state after a piece that
-    began in the reported state; None where the amplification is below ``MOST_AMPLIFIED``, for then
-    the arrival says more.
-    """
-
-    amplification: float
-    arrival_distance: float | None
-    arrival_speed: float | None
-    defect_distance: float | None = None
-    defect_speed: float | None = None
-
-
-def replay(scene: Scene, trajectory: Trajectory) -> Replay:
-    """Apply the reported torques from start to goal, and in a long motion in pieces too.
+def replay(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
+    """Apply the reported torques from start to goal, and in a long motion in pieces too: the
+    measures of where they lead, by the names that they have in a verification.
 
     Raises NotIntegrated where CVODES fails, on a piece or in a motion that is not long.
     """
     units = Units.of(scene, trajectory)
     counts, amplification = _pieces(scene, trajectory, units)
     torques = _Torques.of(scene, trajectory, units)
-    if amplification <= MOST_AMPLIFIED:
-        return Replay(amplification, *torques.arrival())
+    is_long = not amplification <= MOST_AMPLIFIED  # nor where it is no number
     away = fast = None
     if amplification <= _HOPELESS:
-        with suppress(NotIntegrated):  # lost by rounding
+        try:
             away, fast = torques.arrival()
-    return Replay(amplification, away, fast, *torques.defects(counts))
+        except NotIntegrated:
+            if not is_long:  # else lost by rounding
+                raise
+    found = {"amplification": amplification, "arrival_distance": away, "arrival_speed": fast}
+    if is_long:
+        found["defect_distance"], found["defect_speed"] = torques.defects(counts)
+    return found
 
 
 @dataclass(frozen=True)

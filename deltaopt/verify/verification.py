@@ -153,12 +153,9 @@ class Verification:
         """All measures that have a bound in this scene, limits first."""
         bounds = BOUNDS + (ARRIVAL_BOUNDS if self.judges_arrival else ())
         values = [(bound, getattr(self, bound.measure)) for bound in bounds]
-        return self._limit_checks() + [
+        return [Check.of_excess(excess) for excess in self.excesses.values()] + [
             bound.check(value, self.sizes) for bound, value in values if value is not None
         ]
-
-    def _limit_checks(self) -> list[Check]:
-        return [Check.of_excess(excess) for excess in self.excesses.values()]
 
     def failures(self) -> list[str]:
         """What is wrong with the motion, one sentence each; empty if it passes."""
@@ -166,7 +163,7 @@ class Verification:
         missing = [name for name in self.promised if getattr(self, name, None) is None]
         sentences = [*self.obstacles, *(check.complaint for check in failed)]
         sentences += [f"nothing measures its {name.replace('_', ' ')}" for name in missing]
-        beyond = any(check in failed for check in self._limit_checks())
+        beyond = any(check.measure in self.excesses for check in failed)
         if beyond and self.duration_error is None and self.safe_duration is not None:
             sentences.append(
                 "slowing it down does not help: at rest somewhere on its way it exceeds a limit too"
@@ -301,7 +298,7 @@ def _measured(scene: Scene, trajectory: Trajectory, nothing: Verification) -> Ve
         followed = replay(scene, trajectory)
     except (NotIntegrated, Unreachable, Singular) as error:
         return replace(measured, obstacles=(str(error),))
-    return replace(measured, **vars(followed))
+    return replace(measured, **followed)
 
 
 def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
