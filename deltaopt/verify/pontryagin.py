@@ -90,7 +90,7 @@ def extremal(scene: Scene, trajectory: Trajectory) -> Extremal:
     equations are singular.
     """
     try:
-        return _Fit.of(scene, trajectory).solved()
+        return _fitted(scene, trajectory)
     except np.linalg.LinAlgError:
         raise NoCostates("the equations for the costates are singular") from None
 
@@ -171,159 +171,128 @@ def _rate(quantities: ca.SX, x: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
     return ca.jtimes(quantities, x, v) + ca.jtimes(quantities, v, a)
 
 
-@dataclass(frozen=True)
-class _Fit:
-    """The linear equations for p(0) and the jumps, in units of the way, T and the mean of r.
+def _fitted(scene: Scene, trajectory: Trajectory) -> Extremal:
+    """The costates, in units of the way D, the duration T and the mean of r until the end.
 
-    c: the instants of an interval, its beginning, Gauss's nodes, its end. ``t``: (K, c).
-    ``h``: lengths of the intervals, fractions of T, (K,). ``motion``: (V, A), (K, c, 6).
-    ``torque``: u, of its limit, (K, c, 3); r grows with ``squares`` u², (3,). ``held``: (K, 3): of
-    each motor its own number or, if its torque is at no limit, 3 + the state that it holds.
-    ``sign``: of the limit that the torque is at, (K, 3), 0 if it is at none. ``slopes``: ∂A/∂(X,
-    V), (K, c, 3, 6). ``by_held``: ∂A/∂ of what is held, (K, c, 3, 3). ``rate``: r, (K, c).
-    ``rate_slopes``: its derivatives by (X, V), (K, c, 6). ``jumps``: by interval, directions in
-    which p may jump where it begins, (jumps, 6).
+    (K, c, …): at the beginning, at Gauss's nodes and at the end of each interval.
     """
+    model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
+    rows = _Rows.of(limits.constraints)
+    states, fractions = len(rows.first) + len(rows.second), collocation(_STAGES).fractions
+    x, v, a = trajectory.path_inside(fractions)
+    T, D = trajectory.duration, way_of(scene, trajectory)
+    K, c = len(trajectory.knots) - 1, len(fractions)
+    results = _held_and_reached(model.functions, limits.constraints)(
+        x, v, a, parameters=np.concatenate([limits.numbers, model.parameters])
+    )
+    reached_shape = states + len(rows.second)
+    shapes = ((3 + states,), (3 + states, 9), (reached_shape,), (reached_shape, 6), (3,), (3,))
+    along, by_motion, reached, by_state, torque, limits_there = (
+        part.reshape(K, c, *shape) for part, shape in zip(results, shapes, strict=True)
+    )
+    units = np.repeat([D, D / T, D / T**2], 3)
+    by_motion, by_state = by_motion * units, by_state * units[:6]
+    share, limit, lengths = along[..., :3], limits_there[0, 0], np.diff(trajectory.knots)
+    upper, lower = (share > _AT_LIMIT).all(axis=1), (share < -_AT_LIMIT).all(axis=1)
+    sign, h = np.asarray(upper.astype(float) - lower), lengths / T  # (K, 3): 0 at no limit; (K,)
+    at_limit = _at_limit(rows, sign, reached, h)
+    held = _rows_held(rows, sign, at_limit)
+    held_by_motion = np.take_along_axis(by_motion, held[:, None, :, None], axis=2)
+    by_held = np.linalg.inv(held_by_motion[..., 6:])  # of the acceleration, (K, c, 3, 3)
+    slopes = -by_held @ held_by_motion[..., :6]  # of it by (X, V), (K, c, 3, 6)
+    share_slopes = by_motion[:, :, :3, :6] + by_motion[:, :, :3, 6:] @ slopes
+    time, effort = scene.objective.weights
+    rate = time + effort * (torque**2).sum(axis=2)
+    mean = float(lengths @ (rate[:, 1:-1] @ collocation(_STAGES).weights)) / T
+    by_share = 2 * effort / mean * (limit * torque)[..., None, :]  # ∂r/∂u, a row
+    squares = effort / mean * limit**2  # r grows with these times u², u being torques of the limit
+    jumps = _jumps(rows, at_limit, reached, by_state[:, 0])
+    p = _costates(h, slopes, (by_share @ share_slopes)[:, :, 0], jumps)
+    motion = np.hstack([v * T / D, a * T**2 / D]).reshape(K, c, 6)
+    H = (p * motion[..., None]).sum(axis=2)
+    H[..., -1] += rate / mean
+    of_torque = (held < 3)[:, None]
+    S = np.einsum("kcaj,kcau->kcju", by_held, p[:, :, 3:]) * of_torque[..., None]
+    S[..., -1] += 2 * squares * share * of_torque
+    given = float(scene.objective.given_duration is not None)
+    free = (held < 3) & (sign == 0)
+    u = _unknowns(H, S.transpose(0, 2, 1, 3)[free], np.sqrt(h)[np.nonzero(free)[0]], given)
+    p, S, H = p @ u, S @ u, H @ u
+    return Extremal(
+        t=(trajectory.knots[:-1, None] + lengths[:, None] * fractions).ravel(),
+        costates=(p * mean * T / np.repeat([D, D / T], 3)).reshape(-1, 6),
+        switching=S.reshape(-1, 3),
+        hamiltonian=H.ravel(),
+        hamiltonian_spread=float(np.abs(H - H.mean()).max()),
+        sign_violation=_sign_violation(S, squares, share, of_torque),
+    )
 
-    scene: Scene
-    t: Array
-    units: tuple[float, float, float]
-    h: Array
-    motion: Array
-    torque: Array
-    squares: Array
-    held: Integers
-    sign: Array
-    slopes: Array
-    by_held: Array
-    rate: Array
-    rate_slopes: Array
-    jumps: dict[int, Array]
 
-    @classmethod
-    def of(cls, scene: Scene, trajectory: Trajectory) -> _Fit:
-        model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
-        rows = _Rows.of(limits.constraints)
-        states, fractions = len(rows.first) + len(rows.second), collocation(_STAGES).fractions
-        x, v, a = trajectory.path_inside(fractions)
-        T, D = trajectory.duration, way_of(scene, trajectory)
-        K, c = len(trajectory.knots) - 1, len(fractions)
-        results = _held_and_reached(model.functions, limits.constraints)(
-            x, v, a, parameters=np.concatenate([limits.numbers, model.parameters])
-        )
-        reached_shape = states + len(rows.second)
-        shapes = ((3 + states,), (3 + states, 9), (reached_shape,), (reached_shape, 6), (3,), (3,))
-        along, by_motion, reached, by_state, torque, limits_there = (
-            part.reshape(K, c, *shape) for part, shape in zip(results, shapes, strict=True)
-        )
-        units = np.repeat([D, D / T, D / T**2], 3)
-        by_motion, by_state = by_motion * units, by_state * units[:6]
-        share = along[..., :3]
-        limit = limits_there[0, 0]
-        lengths = np.diff(trajectory.knots)
-        upper, lower = (share > _AT_LIMIT).all(axis=1), (share < -_AT_LIMIT).all(axis=1)
-        sign = np.asarray(upper.astype(float) - lower)
-        at_limit = _at_limit(rows, sign, reached, lengths / T)
-        held = _rows_held(rows, sign, at_limit)
-        held_by_motion = np.take_along_axis(by_motion, held[:, None, :, None], axis=2)
-        by_held = np.linalg.inv(held_by_motion[..., 6:])
-        slopes = -by_held @ held_by_motion[..., :6]
-        share_slopes = by_motion[:, :, :3, :6] + by_motion[:, :, :3, 6:] @ slopes
-        time, effort = scene.objective.weights
-        rate = time + effort * (torque**2).sum(axis=2)
-        mean = float(lengths @ (rate[:, 1:-1] @ collocation(_STAGES).weights)) / T
-        by_share = 2 * effort / mean * (limit * torque)[..., None, :]  # ∂r/∂u, a row
-        return cls(
-            scene=scene,
-            t=trajectory.knots[:-1, None] + lengths[:, None] * fractions,
-            units=(D, T, mean),
-            h=lengths / T,
-            motion=np.hstack([v * T / D, a * T**2 / D]).reshape(K, c, 6),
-            torque=share,
-            squares=effort / mean * limit**2,
-            held=held,
-            sign=sign,
-            slopes=slopes,
-            by_held=by_held,
-            rate=rate / mean,
-            rate_slopes=(by_share @ share_slopes)[:, :, 0],
-            jumps=_jumps(rows, at_limit, reached, by_state[:, 0]),
-        )
+def _unknowns(H: Array, of_free: Array, weights: Array, given: float) -> Array:
+    """p(0) and the jumps of least squares, and 1: of H, (K, c, unknowns + 1), and of the switching
+    functions of torques at no limit, (N, c, unknowns + 1), each with its weight, (N,). ``given``: 1
+    where T is, 0 elsewhere."""
+    level = np.full((*H.shape[:2], 1), -given)  # H is this unknown where T is given
+    equations = [np.concatenate([level, H], axis=2).reshape(-1, H.shape[-1] + 1)]
+    of_free = of_free * weights[:, None, None]
+    none = np.zeros((*of_free.shape[:2], 1))
+    equations.append(np.concatenate([none, of_free], axis=2).reshape(-1, H.shape[-1] + 1))
+    rows = np.concatenate(equations)
+    u = np.linalg.lstsq(rows[:, :-1], -rows[:, -1], rcond=1e-11)[0]
+    return np.append(u[1:], 1.0)
 
-    def solved(self) -> Extremal:
-        p = self._costates()
-        H = (p * self.motion[..., None]).sum(axis=2)
-        H[..., -1] += self.rate
-        of_torque = (self.held < 3)[:, None]
-        S = np.einsum("kcaj,kcau->kcju", self.by_held, p[:, :, 3:]) * of_torque[..., None]
-        S[..., -1] += 2 * self.squares * self.torque * of_torque
-        free = (self.held < 3) & (self.sign == 0)
-        given = float(self.scene.objective.given_duration is not None)
-        level = np.full((*H.shape[:2], 1), -given)  # H is this unknown where T is given
-        equations = [np.concatenate([level, H], axis=2).reshape(-1, H.shape[-1] + 1)]
-        of_free = S.transpose(0, 2, 1, 3)[free]  # (free, c, u)
-        weights = np.broadcast_to(np.sqrt(self.h)[:, None], free.shape)[free]
-        of_free = of_free * weights[:, None, None]
-        none = np.zeros((*of_free.shape[:2], 1))
-        equations.append(np.concatenate([none, of_free], axis=2).reshape(-1, H.shape[-1] + 1))
-        rows = np.concatenate(equations)
-        u = np.linalg.lstsq(rows[:, :-1], -rows[:, -1], rcond=1e-11)[0]
-        u = np.append(u[1:], 1.0)
-        return self._extremal(p @ u, S @ u, H @ u)
 
-    def _extremal(self, p: Array, S: Array, H: Array) -> Extremal:
-        (D, T, mean), torque = self.units, self.torque
-        by_motion = S - 2 * self.squares * torque  # H is this times u, and squares u²
-        with np.errstate(divide="ignore", invalid="ignore"):
-            best = np.clip(-by_motion / (2 * self.squares), -1, 1)
-        best = np.where(by_motion == 0, torque, best)
-        lowered = by_motion * (torque - best) + self.squares * (torque**2 - best**2)
-        lowered *= (self.held < 3)[:, None]
-        largest = np.abs(by_motion).max()
-        return Extremal(
-            t=self.t.ravel(),
-            costates=(p * mean * T / np.repeat([D, D / T], 3)).reshape(-1, 6),
-            switching=S.reshape(-1, 3),
-            hamiltonian=H.ravel(),
-            hamiltonian_spread=float(np.abs(H - H.mean()).max()),
-            sign_violation=float(lowered.max() / largest) if largest else 0.0,
-        )
+def _sign_violation(S: Array, squares: Array, torque: Array, of_torque: Truths) -> float:
+    by_motion = S - 2 * squares * torque  # H is this times u, and squares u²
+    with np.errstate(divide="ignore", invalid="ignore"):
+        best = np.clip(-by_motion / (2 * squares), -1, 1)
+    best = np.where(by_motion == 0, torque, best)
+    lowered = by_motion * (torque - best) + squares * (torque**2 - best**2)
+    lowered *= of_torque
+    largest = np.abs(by_motion).max()
+    return float(lowered.max() / largest) if largest else 0.0
 
-    def _costates(self) -> Array:
-        """p at the instants, (K, c, 6, unknowns + 1): linear in the unknowns, p(0) and the
-        jumps; the last column is what does not depend on them."""
-        inside, source = self._responses()
-        number = 6 + sum(len(jump) for jump in self.jumps.values())
-        now, place = np.zeros((6, number + 1)), 6
-        now[:, :6] = np.eye(6)
-        p = np.empty((len(self.h), len(collocation(_STAGES).fractions), 6, number + 1))
-        for i in range(len(self.h)):
-            for direction in self.jumps.get(i, ()):
-                now = now.copy()
-                now[:, place] += direction
-                place += 1
-            p[i, 0] = now
-            p[i, 1:] = inside[i] @ now
-            p[i, 1:, :, -1] += source[i]
-            now = p[i, -1]
-        return p
 
-    def _responses(self) -> tuple[Array, Array]:
-        """p inside an interval and at its end by p at its beginning, (K, c - 1, 6, 6), and by
-        the rate alone, (K, c - 1, 6): Gauss's collocation of the adjoint equation."""
-        by_gauss, K = collocation(_STAGES), len(self.h)
-        M = np.zeros((K, _STAGES, 6, 6))  # ṗ = M p + g
-        M[..., :, 3:] = -self.slopes[:, 1:-1].transpose(0, 1, 3, 2)
-        M[..., 3:, :3] -= np.eye(3)
-        g = -self.rate_slopes[:, 1:-1]
-        coupled = np.einsum("k,kiab,ij->kiajb", self.h, M, by_gauss.a)
-        system = np.eye(6 * _STAGES) - coupled.reshape(K, 6 * _STAGES, -1)
-        right = np.concatenate([M, g[..., None]], axis=3).reshape(K, 6 * _STAGES, 7)
-        slopes = np.linalg.solve(system, right).reshape(K, _STAGES, 6, 7)
-        weights = np.vstack([by_gauss.a, by_gauss.weights])
-        steps = np.einsum("k,ij,kjab->kiab", self.h, weights, slopes)
-        steps[..., :6] += np.eye(6)
-        return steps[..., :6], steps[..., 6]
+def _costates(h: Array, slopes: Array, rate_slopes: Array, jumps: dict[int, Array]) -> Array:
+    """p at the instants, (K, c, 6, unknowns + 1): linear in the unknowns, p(0) and the
+    jumps; the last column is what does not depend on them."""
+    inside, source = _responses(h, slopes, rate_slopes)
+    number = 6 + sum(len(jump) for jump in jumps.values())
+    now, place = np.zeros((6, number + 1)), 6
+    now[:, :6] = np.eye(6)
+    p = np.empty((len(h), len(collocation(_STAGES).fractions), 6, number + 1))
+    for i in range(len(h)):
+        for direction in jumps.get(i, ()):
+            now = now.copy()
+            now[:, place] += direction
+            place += 1
+        p[i, 0] = now
+        p[i, 1:] = inside[i] @ now
+        p[i, 1:, :, -1] += source[i]
+        now = p[i, -1]
+    return p
+
+
+def _responses(h: Array, slopes: Array, rate_slopes: Array) -> tuple[Array, Array]:
+    """p inside an interval and at its end by p at its beginning, (K, c - 1, 6, 6), and by the rate
+    alone, (K, c - 1, 6): Gauss's collocation of the adjoint equation.
+
+    ``h``: lengths of the intervals, (K,). ``slopes``: of the acceleration, (K, c, 3, 6), and
+    ``rate_slopes``: of the rate, (K, c, 6), by position and velocity.
+    """
+    by_gauss, K = collocation(_STAGES), len(h)
+    M = np.zeros((K, _STAGES, 6, 6))  # ṗ = M p + g
+    M[..., :, 3:] = -slopes[:, 1:-1].transpose(0, 1, 3, 2)
+    M[..., 3:, :3] -= np.eye(3)
+    g = -rate_slopes[:, 1:-1]
+    coupled = np.einsum("k,kiab,ij->kiajb", h, M, by_gauss.a)
+    system = np.eye(6 * _STAGES) - coupled.reshape(K, 6 * _STAGES, -1)
+    right = np.concatenate([M, g[..., None]], axis=3).reshape(K, 6 * _STAGES, 7)
+    found = np.linalg.solve(system, right).reshape(K, _STAGES, 6, 7)
+    weights = np.vstack([by_gauss.a, by_gauss.weights])
+    steps = np.einsum("k,ij,kjab->kiab", h, weights, found)
+    steps[..., :6] += np.eye(6)
+    return steps[..., :6], steps[..., 6]
 
 
 def _at_limit(rows: _Rows, sign: Array, reached: Array, h: Array) -> Truths:
