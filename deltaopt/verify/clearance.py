@@ -28,7 +28,7 @@ L θ̇² h²/2 + G / (2 m).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -210,12 +210,17 @@ def sure_robot_clearance(scene: Scene, trajectory: Trajectory) -> float:
     largest = largest_accelerations(trajectory.position)
 
     def nearness(parts: Parts) -> tuple[Array, Array, Array]:
-        links = _MovingLinks.of(robot, trajectory.model, parts, largest[parts.piece])
-        found = [links.distance_and_bound(body) for body in bodies]
-        distance, bound = (
-            np.concatenate([each - radii for each in of], axis=1) for of in zip(*found, strict=True)
-        )
-        return -distance, parts.middles, -bound
+        ends, rates, off = _moving_links(robot, trajectory.model, parts, largest[parts.piece])
+        begin, way = ends[:, :, 0], ends[:, :, 1] - ends[:, :, 0]
+        distances, bounds = list[Array](), list[Array]()  # (N, 6) for each body, m
+        for body in bodies:
+            share, distance, normal = _nearest(body, begin, way)
+            rise = (normal * way).sum(axis=2)
+            level = np.stack([distance - share * rise, distance + (1 - share) * rise], axis=2)
+            moved = np.abs(np.einsum("nlc,nlec->nle", normal, rates)) * parts.half[:, None, None]
+            distances.append(distance - radii)
+            bounds.append((level - moved - off).min(axis=2) - radii)
+        return -np.hstack(distances), parts.middles, -np.hstack(bounds)
 
     found = surely_largest(
         Parts.of(trajectory.position, FIRST),
@@ -237,53 +242,36 @@ def _radii(robot: Robot) -> Array:
     return np.array([robot.link_radius(link) for link in range(LINKS)])
 
 
-@dataclass(frozen=True)
-class _MovingLinks:
+def _moving_links(
+    robot: Robot, model: Model, parts: Parts, largest: Array
+) -> tuple[Array, Array, Array]:
     """The lines of all links in the middles of N parts of a motion: their ends, (N, 6, 2, 3), m,
-    how fast these move, m/s, and by how much they are ``off`` uniform motion within the parts at
-    most, (N, 6, 2), m; infinite where that is not known. ``half``: of the parts' durations, s."""
-
-    ends: Array
-    rates: Array
-    off: Array
-    half: Array
-
-    @classmethod
-    def of(cls, robot: Robot, model: Model, parts: Parts, largest: Array) -> _MovingLinks:
-        """``largest``: what the platform's acceleration is at most in each part, (N,), m/s²."""
-        x, v = parts.at(), parts.at(1)
-        q, dq, _ = model.motion(x, v, np.zeros_like(x))
-        geometry, dtheta = LinkGeometry.at_angles(robot, x, q[:, 3::3]), dq[:, 3::3]
-        bars, ahead = geometry.pins - geometry.elbows, geometry.ahead
-        elbow_rates = robot.upper_arm.length * dtheta[..., None] * ahead
-        pin_rates = np.broadcast_to(v[:, None], elbow_rates.shape)
-        largest, h = largest[:, None], parts.half[:, None]
-        L, length, speed = robot.upper_arm.length, robot.forearm.length, np.abs(dtheta)
-        bend = largest + L * dtheta**2
-        fastest = np.linalg.norm(pin_rates - elbow_rates, axis=2) + bend * h
-        G = (fastest**2 + (length + fastest * h) * bend) * h**2
-        lever = np.abs((bars * ahead).sum(axis=2))
-        turned = speed * h + G / (L * lever)
-        moved = (np.linalg.norm(pin_rates, axis=2) + largest * h) * h
-        m = lever - moved - L * turned - (length + moved + L * turned) * turned
-        elbow_bend = L * dtheta**2 * h**2 / 2 + G / (2 * m)
-        of_elbow = np.where(m >= lever / 2, elbow_bend, np.inf)
-        of_pin = np.broadcast_to(largest * h**2 / 2, of_elbow.shape)
-        still = np.zeros_like(elbow_rates)
-        moving = each_link(still, elbow_rates), each_link(elbow_rates, pin_rates)
-        bent = each_link(still[..., 0], of_elbow), each_link(of_elbow, of_pin)
-        ends, rates, off = (np.stack(both, axis=2) for both in (geometry.links, moving, bent))
-        return cls(ends, rates, off, parts.half)
-
-    def distance_and_bound(self, body: Convex) -> tuple[Array, Array]:
-        """How far the lines are from a body in the middles of the parts, and at least in all of
-        them, (N, 6) each, m."""
-        begin, way = self.ends[:, :, 0], self.ends[:, :, 1] - self.ends[:, :, 0]
-        share, distance, normal = _nearest(body, begin, way)
-        rise = (normal * way).sum(axis=2)
-        level = np.stack([distance - share * rise, distance + (1 - share) * rise], axis=2)
-        towards = np.abs(np.einsum("nlc,nlec->nle", normal, self.rates)) * self.half[:, None, None]
-        return distance, (level - towards - self.off).min(axis=2)
+    how fast these move, m/s, and by how much they are off uniform motion within the parts at most,
+    (N, 6, 2), m; infinite where that is not known. ``largest``: what the platform's acceleration is
+    at most in each part, (N,), m/s²."""
+    x, v = parts.at(), parts.at(1)
+    q, dq, _ = model.motion(x, v, np.zeros_like(x))
+    geometry, dtheta = LinkGeometry.at_angles(robot, x, q[:, 3::3]), dq[:, 3::3]
+    bars, ahead = geometry.pins - geometry.elbows, geometry.ahead
+    elbow_rates = robot.upper_arm.length * dtheta[..., None] * ahead
+    pin_rates = np.broadcast_to(v[:, None], elbow_rates.shape)
+    largest, h = largest[:, None], parts.half[:, None]
+    L, length, speed = robot.upper_arm.length, robot.forearm.length, np.abs(dtheta)
+    bend = largest + L * dtheta**2
+    fastest = np.linalg.norm(pin_rates - elbow_rates, axis=2) + bend * h
+    G = (fastest**2 + (length + fastest * h) * bend) * h**2
+    lever = np.abs((bars * ahead).sum(axis=2))
+    turned = speed * h + G / (L * lever)
+    moved = (np.linalg.norm(pin_rates, axis=2) + largest * h) * h
+    m = lever - moved - L * turned - (length + moved + L * turned) * turned
+    elbow_bend = L * dtheta**2 * h**2 / 2 + G / (2 * m)
+    of_elbow = np.where(m >= lever / 2, elbow_bend, np.inf)
+    of_pin = np.broadcast_to(largest * h**2 / 2, of_elbow.shape)
+    still = np.zeros_like(elbow_rates)
+    moving = each_link(still, elbow_rates), each_link(elbow_rates, pin_rates)
+    bent = each_link(still[..., 0], of_elbow), each_link(of_elbow, of_pin)
+    ends, rates, off = (np.stack(both, axis=2) for both in (geometry.links, moving, bent))
+    return ends, rates, off
 
 
 def _nearest(body: Convex, begin: Array, way: Array) -> tuple[Array, Array, Array]:

@@ -12,7 +12,7 @@ motion is also followed in pieces, each from the reported state and too short fo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
@@ -49,6 +49,12 @@ _FEWEST_PIECES = 4
 what follows from it are known by fewer."""
 
 
+Follow = Callable[[Array, int, float, float], Array]
+"""The state (x, v) before a piece of an interval, its number, when the piece begins since the
+interval does, and how long it is -> the state after it, all in ``Units``. Raises NotIntegrated
+where CVODES fails."""
+
+
 class NotIntegrated(Exception):
     """The motion under the reported torques could not be followed to the end."""
 
@@ -61,99 +67,82 @@ def replay(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
     """
     units = Units.of(scene, trajectory)
     counts, amplification = _pieces(scene, trajectory, units)
-    torques = _Torques.of(scene, trajectory, units)
+    position = units.position(trajectory.position)
+    after = _follower(scene, trajectory, position, units)
     is_long = not amplification <= MOST_AMPLIFIED  # nor where it is no number
     away = fast = None
     if amplification <= _HOPELESS:
+        start, goal = scene.task.start, goal_of(problem_of(scene), trajectory)
         try:
-            away, fast = torques.arrival()
+            away, fast = _arrival(start, goal, position, after, units)
         except NotIntegrated:
             if not is_long:  # else lost by rounding
                 raise
     found = {"amplification": amplification, "arrival_distance": away, "arrival_speed": fast}
     if is_long:
-        found["defect_distance"], found["defect_speed"] = torques.defects(counts)
+        found["defect_distance"], found["defect_speed"] = _defects(counts, position, after, units)
     return found
 
 
-@dataclass(frozen=True)
-class _Torques:
-    """The torques of a trajectory, which drive a model. ``p``: parameters of both their models.
-    ``position`` and ``p`` are in ``units``; arguments and results too, unless it is said."""
+def _follower(
+    scene: Scene, trajectory: Trajectory, position: PiecewisePolynomial, units: Units
+) -> Follow:
+    """What follows the scene's model under the torques of a trajectory, whose position this is."""
+    model = model_of(scene.robot, scene.payload).with_multipliers()
+    step = _step(model.functions, trajectory.model.functions, position.coefficients.shape[1])
+    p = np.concatenate([units.parameters(model), units.parameters(trajectory.model)])
 
-    start: EndState
-    goal: Boundary
-    units: Units
-    position: PiecewisePolynomial
-    step: PreciseIntegrator
-    p: Array
-
-    @classmethod
-    def of(cls, scene: Scene, trajectory: Trajectory, units: Units) -> _Torques:
-        model = model_of(scene.robot, scene.payload).with_multipliers()
-        position = trajectory.position
-        powers = position.coefficients.shape[1]
-        step = _step(model.functions, trajectory.model.functions, powers)
-        p = np.concatenate([units.parameters(model), units.parameters(trajectory.model)])
-        goal = goal_of(problem_of(scene), trajectory)
-        return cls(scene.task.start, goal, units, units.position(position), step, p)
-
-    def arrival(self) -> tuple[float, float]:
-        """Distance to the goal (m) and to its velocity (m/s) at the end, from the scene's start."""
-        state = self._state(self.start)
-        for interval, length in enumerate(np.diff(self.position.knots)):
-            state = self._after(state, interval, 0.0, length)
-        away = state - self._state(self.goal)
-        return self._distance(away), self._speed(away)
-
-    def defects(self, counts: list[float]) -> tuple[float, float]:
-        """The largest defect of a piece, m and m/s; ``counts``: pieces of each interval."""
-        powers = self.position.coefficients.shape[1]
-        most = max(_FEWEST_PIECES * powers, _MOST_PIECES // len(counts))
-        distances, speeds = [0.0], [0.0]
-        for interval, count in enumerate(counts):
-            length = (self.position.knots[interval + 1] - self.position.knots[interval]) / count
-            followed = np.unique(np.linspace(0, count - 1, int(min(count, most))).round())
-            begins = self._reported(interval, length * followed)
-            ends = self._reported(interval, length * (followed + 1))
-            for k, begin, end in zip(followed.tolist(), begins, ends, strict=True):
-                away = self._after(begin, interval, k * length, length) - end
-                distances.append(self._distance(away))
-                speeds.append(self._speed(away))
-        return max(distances), max(speeds)
-
-    def _after(self, state: Array, interval: int, begin: float, length: float) -> Array:
-        """The state after a piece that begins a time after its interval does, and is ``length``
-        long. Raises NotIntegrated where CVODES fails."""
-        coefficients = self.position.coefficients[interval].ravel()
-        parameters = np.concatenate([coefficients, [begin, length], self.p])
-        after = self.step(state, parameters)
-        if not np.isfinite(after).all():
-            t = (self.position.knots[interval] + begin) * self.units.time
+    def after(state: Array, interval: int, begin: float, length: float) -> Array:
+        coefficients = position.coefficients[interval].ravel()
+        found = step(state, np.concatenate([coefficients, [begin, length], p]))
+        if not np.isfinite(found).all():
+            t = (position.knots[interval] + begin) * units.time
             raise NotIntegrated(f"CVODES failed after t = {t:.6g} s")
-        return after
+        return found
 
-    def _reported(self, interval: int, since: Array) -> Array:
-        """Reported position and velocity at times since an interval began, (N, 6)."""
-        own = np.full(len(since), interval)
-        return np.hstack([self.position.inside(own, since, order) for order in range(2)])
-
-    def _state(self, end: EndState | Boundary) -> Array:
-        """Position and velocity of an end of the task."""
-        x, v = np.array(end.position), np.array(end.velocity)
-        return np.concatenate([x, v * self.units.time]) / self.units.length
-
-    def _distance(self, away: Array) -> float:
-        """m."""
-        return _norm(away[:3]) * self.units.length
-
-    def _speed(self, away: Array) -> float:
-        """m/s."""
-        return _norm(away[3:]) * self.units.length / self.units.time
+    return after
 
 
-def _norm(vector: Array) -> float:
-    return float(np.linalg.norm(vector))
+def _arrival(
+    start: EndState, goal: Boundary, position: PiecewisePolynomial, after: Follow, units: Units
+) -> tuple[float, float]:
+    """Distance to the goal (m) and to its velocity (m/s) at the end, from the scene's start."""
+    state = _state(start, units)
+    for interval, length in enumerate(np.diff(position.knots)):
+        state = after(state, interval, 0.0, length)
+    return _in_si(state - _state(goal, units), units)
+
+
+def _defects(
+    counts: list[float], position: PiecewisePolynomial, after: Follow, units: Units
+) -> tuple[float, float]:
+    """The largest defect of a piece, m and m/s; ``counts``: pieces of each interval."""
+    most = max(_FEWEST_PIECES * position.coefficients.shape[1], _MOST_PIECES // len(counts))
+    found = [(0.0, 0.0)]
+    for interval, count in enumerate(counts):
+        length = (position.knots[interval + 1] - position.knots[interval]) / count
+        followed = np.unique(np.linspace(0, count - 1, int(min(count, most))).round())
+        own = np.full(len(followed), interval)
+        begins, ends = (  # the reported position and velocity
+            np.hstack([position.inside(own, length * at, order) for order in range(2)])
+            for at in (followed, followed + 1)
+        )
+        for k, begin, end in zip(followed.tolist(), begins, ends, strict=True):
+            found.append(_in_si(after(begin, interval, k * length, length) - end, units))
+    distances, speeds = zip(*found, strict=True)
+    return max(distances), max(speeds)
+
+
+def _state(end: EndState | Boundary, units: Units) -> Array:
+    """Position and velocity of an end of the task, in these units."""
+    x, v = np.array(end.position), np.array(end.velocity)
+    return np.concatenate([x, v * units.time]) / units.length
+
+
+def _in_si(away: Array, units: Units) -> tuple[float, float]:
+    """The sizes of a difference of positions and of velocities, m and m/s."""
+    distance, speed = float(np.linalg.norm(away[:3])), float(np.linalg.norm(away[3:]))
+    return distance * units.length, speed * units.length / units.time
 
 
 def _pieces(scene: Scene, trajectory: Trajectory, units: Units) -> tuple[list[float], float]:
