@@ -143,7 +143,7 @@ def _verdict(scene: Scene) -> str:
             plan(scene, tolerance=_ROUGH).trajectory,
             "a motion of {:.4g} s that was planned",
         )
-    told = f"can be done{beyond(MeasuredMotion.of(scene, motion).distances())}"
+    told = f"can be done{beyond(MeasuredMotion(scene, motion).distances())}"
     return f"{told}: {what.format(motion.duration)} keeps all limits"
 
 
@@ -262,7 +262,7 @@ def _duty_of_baseline(scene: Scene) -> list[str]:
     line = if_possible((EndMoves, *RULED_OUT), baseline, scene)
     if line is None:
         return []  # the description says why there is no baseline
-    return ["", "the baseline:", *duty_table(MeasuredMotion.of(scene, line).duty())]
+    return ["", "the baseline:", *duty_table(MeasuredMotion(scene, line).duty())]
 
 
 def _description(scene: Scene) -> list[tuple[str, str]]:

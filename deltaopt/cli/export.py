@@ -243,7 +243,7 @@ def _one(file: Path, write: Callable[[Path], object]) -> list[Path]:
 
 def _cam(arguments: argparse.Namespace) -> list[Path]:
     table, robot = _controllers_table(arguments)
-    cams = Cams.of(table, arguments.unit, arguments.master_speed)
+    cams = Cams(table, arguments.unit, arguments.master_speed)
     way = f"{cams.master[-1]:.6g} units of the master axis"
     print(f"{len(cams.master)} points of each cam, over {way}")
     return write_cams(arguments.output, cams, robot.name)

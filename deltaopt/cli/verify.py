@@ -166,7 +166,7 @@ def _measure(arguments: argparse.Namespace) -> int:
     if not (away != ends[0]).any():
         raise UnreadableTable(f"{arguments.motion}: nothing moves in it")
     scene = Scene(robot=robot, payload=arguments.payload, start=tuple(ends[0]), goal=tuple(away))
-    motion = MeasuredMotion.of(scene, trajectory)
+    motion = MeasuredMotion(scene, trajectory)
     excesses = list(motion.excesses().values())
     what = "motor angles" if rows.quantity == ANGLES else "positions"
     ok = all(excess.value <= EXCESS for excess in excesses)

@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
     from deltaopt.report.viewer import Viewer  # slow to import
 
     plan = load_plan(arguments.plan)
-    viewer = Viewer.of(as_delta(plan.scene.robot), plan.trajectory, arguments.port)
+    viewer = Viewer(as_delta(plan.scene.robot), plan.trajectory, arguments.port)
     print(f"http://localhost:{viewer.server.get_port()} (Ctrl-C ends it)", flush=True)
     try:
         for seconds in repeat(_FRAME):

@@ -13,12 +13,10 @@ SoftMotion, ``MC_CAM_REF`` of type XYVA, ``SMC_CAMXYVA``.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.files.output_folder import write_texts
 from deltaopt.output.joint_table import Interpolation, JointTable
 from deltaopt.output.table_files import UNITS
@@ -61,7 +59,6 @@ CAM = Interpolation("cam", lambda table: without_jumps(table).quintic())
 """Quintic pieces through the points of a cam."""
 
 
-@dataclass(frozen=True, eq=False)
 class Cams:
     """The cams of the three motors: N points, the first at master position 0.
 
@@ -70,23 +67,13 @@ class Cams:
     ``remarks``: as of the table.
     """
 
-    master: Array
-    slaves: tuple[Array, Array, Array]
-    unit: str
-    remarks: tuple[str, ...] = ()
-
-    @classmethod
-    def of(cls, table: JointTable, unit: str, speed: float) -> Cams:
+    def __init__(self, table: JointTable, unit: str, speed: float) -> None:
         """Of a table in the controller's angles; ``speed``: of the master, its units per second."""
         smooth = without_jumps(table)
         columns = (smooth.theta, smooth.dtheta, smooth.ddtheta)
-        values = [UNITS[unit] * each / speed**k for k, each in enumerate(columns)]
-        master = speed * (smooth.t - smooth.t[0])
-        return cls(master, (values[0], values[1], values[2]), unit, table.remarks)
-
-    def pieces(self) -> PiecewisePolynomial:
-        """The quintic polynomials between the points, of the master's position since each began."""
-        return JointTable(self.master, *self.slaves).quintic()
+        self.slaves = [UNITS[unit] * each / speed**k for k, each in enumerate(columns)]
+        self.master = speed * (smooth.t - smooth.t[0])
+        self.unit, self.remarks = unit, table.remarks
 
 
 def write_cams(directory: Path, cams: Cams, name: str) -> list[Path]:
@@ -120,7 +107,8 @@ def _points(cams: Cams) -> Iterator[str]:
 def _pieces(cams: Cams) -> Iterator[str]:
     """c0 to c5 of the master's position since ``begin``."""
     yield ",".join(["motor", "begin", "end", *(f"c{power}" for power in range(6))])
-    pieces = cams.pieces()
+    position, velocity, acceleration = cams.slaves
+    pieces = JointTable(cams.master, position, velocity, acceleration).quintic()
     for k in range(3):
         for i, (begin, end) in enumerate(zip(pieces.knots[:-1], pieces.knots[1:], strict=True)):
             numbers = [begin.item(), end.item(), *pieces.coefficients[i, :, k].tolist()]

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import log
-from typing import Any
 
 import numpy as np
 
@@ -34,23 +33,15 @@ _TO_WORLD = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 """From the base's frame to MuJoCo's world."""
 
 
-@dataclass(frozen=True)
 class InMujoco:
     """A robot with a payload (kg) in MuJoCo, at rest or in motion."""
 
-    mujoco: Any
-    model: Any
-    data: Any
-    robot: Robot
-    payload: float | None
-    start: Vector3
-
-    @classmethod
-    def of(cls, robot: Robot, payload: float | None, start: Vector3) -> InMujoco:
+    def __init__(self, robot: Robot, payload: float | None, start: Vector3) -> None:
         """With the tool's point at a start (m, base's frame). Raises MissingPackage."""
-        mujoco = installed("mujoco", "mujoco")
-        model = mujoco.MjModel.from_xml_string(mjcf(robot, payload, start))
-        return cls(mujoco, model, mujoco.MjData(model), robot, payload, start)
+        self.robot, self.payload, self.start = robot, payload, start
+        self.mujoco = installed("mujoco", "mujoco")
+        self.model = self.mujoco.MjModel.from_xml_string(mjcf(robot, payload, start))
+        self.data = self.mujoco.MjData(self.model)
 
     def put(self, q: Array, dq: Array) -> None:
         """Give MuJoCo's joints the positions and speeds of the twelve coordinates, (12,) each."""
@@ -142,7 +133,7 @@ def replay_in_mujoco(trajectory: Trajectory, counts: Sequence[int] | None = None
     """
     model = trajectory.model
     start = vector3(trajectory.path_inside([0.0])[0][0])
-    there = InMujoco.of(as_delta(model.robot), model.payload, start)
+    there = InMujoco(as_delta(model.robot), model.payload, start)
     counts = counts or STEPS
     misses = tuple(there.miss(trajectory, count) for count in counts)
     return MujocoReplay(tuple(trajectory.duration / count for count in counts), misses)

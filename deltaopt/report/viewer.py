@@ -6,7 +6,6 @@ motion closely, and for other things that are drawn into the same scene.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -50,32 +49,24 @@ def lines_of_robot(robot: Robot, x: Array, theta: Array) -> list[Array]:
     return [to_world(np.array(each)) for each in found]
 
 
-@dataclass(frozen=True)
 class Viewer:
     """A server that shows a motion at the time of its slider, or one after the other while it
     plays."""
 
-    server: Any
-    robot: Robot
-    trajectory: Trajectory
-    handles: tuple[Any, ...]
-    slider: Any
-    playing: Any
-    pace: Any
-    torques: Any
-
-    @classmethod
-    def of(cls, robot: Robot, trajectory: Trajectory, port: int) -> Viewer:
+    def __init__(self, robot: Robot, trajectory: Trajectory, port: int) -> None:
         """Start a server that only this machine reaches. Raises MissingPackage without viser."""
         viser = installed("viser", "view")
-        server = viser.ViserServer(host="127.0.0.1", port=port, label="deltaopt", verbose=False)
+        self.robot, self.trajectory = robot, trajectory
+        self.server = server = viser.ViserServer(
+            host="127.0.0.1", port=port, label="deltaopt", verbose=False
+        )
         server.scene.set_up_direction("+z")
         motion = trajectory(trajectory.knots[0])
         middle = to_world(motion.x) / 2
         reach = robot.base_radius + robot.upper_arm.length + robot.forearm.length
         server.initial_camera.look_at = tuple(middle.tolist())
         server.initial_camera.position = tuple((middle + reach * _FROM).tolist())
-        handles = tuple(
+        self.handles = [
             _lines(server, f"/robot/{name}", lines, colour)
             for name, lines, colour in zip(
                 ("chain1", "chain2", "chain3", "platform"),
@@ -83,25 +74,17 @@ class Viewer:
                 (*COLOURS, BLACK),
                 strict=True,
             )
-        )
+        ]
         path = to_world(trajectory(trajectory.instants(_PATH_POINTS)).x)
         _lines(server, "/path", np.stack([path[:-1], path[1:]], axis=1), GREY)
         milliseconds = 1e3 * trajectory.duration
         gui = server.gui
-        slider = gui.add_slider("time, ms", 0.0, milliseconds, milliseconds / 1000, 0.0)
-        found = cls(
-            server,
-            robot,
-            trajectory,
-            handles,
-            slider,
-            gui.add_checkbox("play", initial_value=False),
-            gui.add_slider("pace, % of real time", 1.0, 100.0, 1.0, 10.0),
-            gui.add_text("torques, N·m", initial_value="", disabled=True),
-        )
-        slider.on_update(lambda event: found.show(slider.value / milliseconds))
-        found.show(0.0)
-        return found
+        self.slider = gui.add_slider("time, ms", 0.0, milliseconds, milliseconds / 1000, 0.0)
+        self.playing = gui.add_checkbox("play", initial_value=False)
+        self.pace = gui.add_slider("pace, % of real time", 1.0, 100.0, 1.0, 10.0)
+        self.torques = gui.add_text("torques, N·m", initial_value="", disabled=True)
+        self.slider.on_update(lambda event: self.show(self.slider.value / milliseconds))
+        self.show(0.0)
 
     def show(self, fraction: float) -> None:
         """Show the robot at a fraction of the duration."""

@@ -9,8 +9,8 @@ holds at all instants.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,25 +38,12 @@ _FEWEST = 1000
 """Parts that are looked at in any case, so that a distance within the bound is told too."""
 
 
-class Places(Protocol):
-    """Which places of a path go with a motion: their parameters s, in the path's own unit."""
-
-    @property
-    def path(self) -> Path: ...
-
-    def at_knots(self) -> Array:
-        """At the knots of the motion, (K + 1,)."""
-        ...
-
-    def inside(self, pieces: Index, fractions: Array, x: Array, s: Array) -> Array:
-        """At fractions of pieces, (N,), where the motion is at x, (N, 3); ``s``: at the ends of the
-        part about each, (N, 2)."""
-        ...
-
-    def bound(self, points: Array, s: Array) -> Array:
-        """What parts of a motion with these control points, (N, d + 1, 3), are away from the path
-        at most, (N,), m, if these places go with their ends, (N, 2)."""
-        ...
+Inside = Callable[[Index, Array, Array, Array], Array]
+"""The parameters s of the places of a path, (N,), at fractions of pieces, (N,) each, where a motion
+is at x, (N, 3), between those of the ends of the parts about them, (N, 2)."""
+Bound = Callable[[Array, Array], Array]
+"""What parts of a motion with control points (N, d + 1, 3) are away from a path at most, (N,), m,
+if the places of these parameters, (N, 2), go with their ends."""
 
 
 @dataclass(frozen=True)
@@ -64,18 +51,11 @@ class _Parts:
     """Parts of a motion: piece (N,), begin and end as fractions of it (N, 2), control points
     (N, d + 1, 3), and the parameters of the places at both ends (N, 2)."""
 
-    places: Places
+    inside: Inside
     pieces: Index
     ends: Array
     points: Array
     s: Array
-
-    @classmethod
-    def of(cls, places: Places, position: PiecewisePolynomial) -> _Parts:
-        """All pieces of a motion."""
-        s, number = places.at_knots(), len(position.coefficients)
-        ends, own = np.tile([0.0, 1.0], (number, 1)), np.stack([s[:-1], s[1:]], axis=1)
-        return cls(places, np.arange(number), ends, control_points_of(position), own)
 
     def __len__(self) -> int:
         return len(self.pieces)
@@ -85,34 +65,41 @@ class _Parts:
         pieces, in_piece, s = self.pieces[which], self.ends[which], self.s[which]
         first, second = halves(self.points[which])
         middle = in_piece.mean(axis=1)
-        passed = self.places.inside(pieces, middle, second[:, 0], s)
+        passed = self.inside(pieces, middle, second[:, 0], s)
         ends, own = (
             np.concatenate([np.stack([a, m], axis=1), np.stack([m, b], axis=1)])
             for (a, b), m in ((in_piece.T, middle), (s.T, passed))
         )
         points = np.concatenate([first, second])
-        return _Parts(self.places, np.tile(pieces, 2), ends, points, own)
+        return _Parts(self.inside, np.tile(pieces, 2), ends, points, own)
 
 
 def largest_distance(
-    places: Places, position: PiecewisePolynomial, asked: float
+    path: Path,
+    position: PiecewisePolynomial,
+    at_knots: Array,
+    inside: Inside,
+    bound: Bound,
+    asked: float,
 ) -> tuple[float, float]:
-    """The largest distance (m) of a motion from the places of a path, and when (s).
+    """The largest distance (m) of a motion from places of a path, whose parameters ``at_knots`` of
+    the motion, (K + 1,), are these, and when (s).
 
     It is that of an instant where all of the motion is known to keep what is asked for (m), and
     otherwise a bound that no instant exceeds.
     """
-    knots = position.knots
+    knots, number = position.knots, len(position.coefficients)
 
     def distances(parts: _Parts) -> tuple[Array, Array, Array]:
-        away = parts.points[:, [0, -1]] - places.path(parts.s.ravel()).reshape(-1, 2, 3)
+        away = parts.points[:, [0, -1]] - path(parts.s.ravel()).reshape(-1, 2, 3)
         at_ends = np.linalg.norm(away, axis=2)
         share = parts.ends[np.arange(len(parts)), at_ends.argmax(axis=1)]
         when = knots[parts.pieces] * (1 - share) + knots[parts.pieces + 1] * share
-        return at_ends.max(axis=1)[:, None], when, places.bound(parts.points, parts.s)[:, None]
+        return at_ends.max(axis=1)[:, None], when, bound(parts.points, parts.s)[:, None]
 
+    ends, s = np.tile([0.0, 1.0], (number, 1)), np.stack([at_knots[:-1], at_knots[1:]], axis=1)
     found = surely_largest(
-        _Parts.of(places, position),
+        _Parts(inside, np.arange(number), ends, control_points_of(position), s),
         distances,
         asked * (1 + _ENOUGH),
         known=lambda over: (1 + _KNOWN) * over,

@@ -65,7 +65,7 @@ def replay(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
 
     Raises NotIntegrated where CVODES fails, on a piece or in a motion that is not long.
     """
-    units = Units.of(scene, trajectory)
+    units = Units(scene, trajectory)
     counts, amplification = _pieces(scene, trajectory, units)
     position = units.position(trajectory.position)
     after = _follower(scene, trajectory, position, units)

@@ -10,22 +10,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from math import inf
-from typing import NoReturn
 
 import casadi as ca
 import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction
-from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, Index
 from deltaopt.errors import Unreachable
 from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.limit import Bounds, Limit, OwnMeasure, first_highest
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import CoordinateInstant
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.robot.machine import Machine, Model
+from deltaopt.robot.machine import Machine
 from deltaopt.robot.model import model_of
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.scene import Scene
@@ -118,93 +117,56 @@ def key(limit: str) -> str:
     return f"{limit.replace(' ', '_')}_excess"
 
 
-@dataclass(frozen=True)
-class _Curves:
-    """Everything that is measured, at (piece (N,), fraction of it (N,)) of a motion that is run at
-    ``speed`` times its own: (N, columns).
+class MeasuredMotion:
+    """A motion with everything that a scene's limits ask of it, between samples too.
 
-    Columns: the excess over each side of each limit; the negative distances to singularities; the
-    motors' speeds (rad/s); τᵀτ (N²m²). Raises Unreachable or Singular where there are none.
+    ``sides``: what each excess is of, measured at no instant yet, and its natural size in its unit;
+    in the order of columns.
     """
 
-    model: Model
-    path: PiecewisePolynomial
-    function: RowFunction
-    parameters: Array
-    order: int
-    speed: float = 1.0
-
-    def __call__(self, pieces: Index, fractions: Array) -> Array:
-        return self._at(pieces, self._since(pieces, fractions), self.speed)
-
-    def motors(self, pieces: Index, fractions: Array) -> Array:
-        """Speeds (rad/s), accelerations (rad/s²) and torques (N·m) of the motors, (N, 9)."""
-        values: Array
-        motion = self._motion(pieces, self._since(pieces, fractions), 1.0)
-        _, values = self.function(*motion, parameters=self.parameters)
-        return values
-
-    def at_speeds(self, pieces: Index, fractions: Array, speeds: Array) -> Array:
-        """The values at instants (N,) of the motion at each of these speeds, (S, N, columns)."""
-        since, n = self._since(pieces, fractions), len(speeds)
-        rate = np.repeat(speeds, len(pieces))[:, None]
-        return self._at(np.tile(pieces, n), np.tile(since, n), rate).reshape(n, len(pieces), -1)
-
-    def _since(self, pieces: Index, fractions: Array) -> Array:
-        """Times since pieces began, s."""
-        return np.asarray(np.diff(self.path.knots)[pieces] * fractions)
-
-    def _at(self, pieces: Index, since: Array, speed: float | Array) -> Array:
-        motion = self._motion(pieces, since, speed)
-        values: Array = self.function(*motion, parameters=self.parameters)[0]
-        if not np.isfinite(values).all():
-            bad = ~np.isfinite(values).all(axis=1)
-            self._explain(*(each[bad] for each in motion[:3]))
-        return values
-
-    def _motion(self, pieces: Index, since: Array, speed: float | Array) -> list[Array]:
-        """Position and derivatives by time of the motion at a speed, (N, 3) each."""
-        orders = range(self.order + 1)
-        return [speed**order * self.path.inside(pieces, since, order) for order in orders]
-
-    def _explain(self, x: Array, v: Array, a: Array) -> NoReturn:
-        """Raise what is the matter with a motion that has no measures."""
-        self.model.motion(x, v, a)
-        self.model.inverse_dynamics(x, v, a)
-        raise Unreachable("the motion passes a singular position")
-
-
-@dataclass(frozen=True)
-class MeasuredMotion:
-    """A motion with everything that a scene's limits ask of it, between samples too."""
-
-    scene: Scene
-    trajectory: Trajectory
-    curves: _Curves
-    sides: tuple[tuple[Excess, float], ...]
-    """What each excess is of, measured at no instant yet, and its natural size in its unit; in the
-    order of columns."""
-
-    @classmethod
-    def of(cls, scene: Scene, trajectory: Trajectory) -> MeasuredMotion:
+    def __init__(self, scene: Scene, trajectory: Trajectory) -> None:
         """By the scene's model and those of its limits that verification has no own measure for."""
-        model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
+        self.scene, self.trajectory = scene, trajectory
+        self.model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
         promised = [
             (item, own)
             for item, own in zip(limits.constraints.items, limits.of_items, strict=True)
             if item[0].promised and item[0].own_measure is None
         ]
-        items = tuple(item for item, _ in promised)
-        function, rows = _function(model.functions, items)
-        numbers = [own for _, own in promised]
-        curves = _Curves(
-            model=model,
-            path=trajectory.position,
-            function=function,
-            parameters=np.concatenate([*numbers, model.parameters]),
-            order=limits.constraints.order,
-        )
-        return cls(scene, trajectory, curves, tuple(_sides(items, numbers, rows, scene.robot)))
+        items, numbers = tuple(item for item, _ in promised), [own for _, own in promised]
+        self._function, rows = _function(self.model.functions, items)
+        self._parameters = np.concatenate([*numbers, self.model.parameters])
+        self._orders = range(limits.constraints.order + 1)
+        self.sides = tuple(_sides(items, numbers, rows, scene.robot))
+
+    def curves(self, pieces: Index, fractions: Array, speed: float | Array = 1.0) -> Array:
+        """Everything that is measured, at (piece (N,), fraction of it (N,)) of the motion run at
+        ``speed`` times its own: (N, columns).
+
+        Columns: the excess over each side of each limit; the negative distances to singularities;
+        the motors' speeds (rad/s); τᵀτ (N²m²). Raises Unreachable or Singular where there are none.
+        """
+        motion = self._motion(pieces, fractions, speed)
+        values: Array = self._function(*motion, parameters=self._parameters)[0]
+        bad = ~np.isfinite(values).all(axis=1)
+        if bad.any():
+            x, v, a = (each[bad] for each in motion[:3])
+            self.model.motion(x, v, a)  # which say what is the matter, as a rule
+            self.model.inverse_dynamics(x, v, a)
+            raise Unreachable("the motion passes a singular position")
+        return values
+
+    def _motors(self, pieces: Index, fractions: Array) -> Array:
+        """Speeds (rad/s), accelerations (rad/s²) and torques (N·m) of the motors, (N, 9)."""
+        motion = self._motion(pieces, fractions, 1.0)
+        values: Array = self._function(*motion, parameters=self._parameters)[1]
+        return values
+
+    def _motion(self, pieces: Index, fractions: Array, speed: float | Array) -> list[Array]:
+        """Position and derivatives by time of the motion at a speed, (N, 3) each."""
+        path = self.trajectory.position
+        since = np.asarray(np.diff(path.knots)[pieces] * fractions)
+        return [speed**order * path.inside(pieces, since, order) for order in self._orders]
 
     @cached_property
     def resolved(self) -> ResolvedCurves:
@@ -244,7 +206,7 @@ class MeasuredMotion:
     def distances(self) -> tuple[Distance, ...]:
         """The least to each kind of singularity."""
         peaks, place, found = self._peaks, len(self.sides), []
-        for kind in self.curves.model.functions.distances:
+        for kind in self.model.functions.distances:
             number = 3 if kind.per_chain else 1
             nearest = place + first_highest(peaks.values[place : place + number])
             subject = f"chain {nearest - place + 1}" if kind.per_chain else "robot"
@@ -262,7 +224,7 @@ class MeasuredMotion:
     def duty(self) -> Duty:
         """The duty of the motors."""
         lengths = np.diff(self.trajectory.knots)
-        return duty(self.curves.motors, self.resolved.cells, lengths, self.scene.robot)
+        return duty(self._motors, self.resolved.cells, lengths, self.scene.robot)
 
     def safe_duration(self) -> float:
         """The shortest duration, no less than the motion's own, to which it can be slowed
@@ -286,7 +248,7 @@ class MeasuredMotion:
             if slower is None:
                 return inf
             speed = slower
-            slowed = replace(self.curves, speed=speed)
+            slowed = partial(self.curves, speed=speed)
             curves = ResolvedCurves.of(slowed, self.resolved.cells, self._tolerance)
         return inf
 
@@ -295,7 +257,9 @@ class MeasuredMotion:
         instants; found by comparing ever closer ones. None if there is none."""
 
         def holds(speeds: Array) -> Array:
-            excess = self.curves.at_speeds(pieces, fractions, speeds)[..., : len(self.sides)]
+            n, rates = len(speeds), np.repeat(speeds, len(pieces))[:, None]
+            values = self.curves(np.tile(pieces, n), np.tile(fractions, n), rates)
+            excess = values.reshape(n, len(pieces), -1)[..., : len(self.sides)]
             return np.asarray(excess.max(axis=(1, 2)) <= 0)
 
         speeds = np.append(speed * np.geomspace(1.0, _SLOWEST, 120), 0.0)
@@ -316,7 +280,7 @@ class MeasuredMotion:
     @property
     def _nearness(self) -> int:
         """Columns before the motors' speeds: excesses and distances."""
-        kinds = self.curves.model.functions.distances
+        kinds = self.model.functions.distances
         return len(self.sides) + sum(3 if kind.per_chain else 1 for kind in kinds)
 
     @cached_property
@@ -355,8 +319,8 @@ def excess_of(scene: Scene, measure: OwnMeasure) -> Excess | None:
 
 @lru_cache(maxsize=32)
 def _function(functions: Functions, items: Items) -> tuple[RowFunction, tuple[int, ...]]:
-    """(x, v, a[, j], numbers of the limits and p) -> the columns of ``_Curves``; θ̇, θ̈ and τ. And
-    how many quantities each item measures."""
+    """(x, v, a[, j], numbers of the limits and p) -> the columns of ``MeasuredMotion.curves``; θ̇, θ̈
+    and τ. And how many quantities each item measures."""
     order, p = Constraints(items).order, functions.symbols()
     symbols = [ca.SX.sym(name, 3) for name in "xvaj"[: order + 1]]
     x, v, a, *rest = symbols

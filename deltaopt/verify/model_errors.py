@@ -23,7 +23,7 @@ from deltaopt.verify.units import Units, way_of
 
 def model_errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     """E_K and E_D of the reported q, q̇, q̈ and τ, by the scene's mechanism."""
-    units = Units.of(scene, trajectory)
+    units = Units(scene, trajectory)
     own = trajectory.coordinates
     degree = 0 if own is None else own.coefficients.shape[1] - 1
     parts = max(1, -(-2 * degree // DEGREE))  # twice as many nodes as determine the polynomials

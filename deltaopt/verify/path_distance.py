@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -36,11 +36,12 @@ def off_path(task: OnPath, trajectory: Trajectory, asked: float) -> float:
     """The largest distance, m, of the motion from the path of a task, followed from its beginning
     to its end and never back: that of an instant where all of it is known to keep what is asked for
     (m), and otherwise a bound."""
-    position = trajectory.position
-    return largest_distance(_FollowedPlaces.of(task.path, position), position, asked)[0]
+    path, position = task.path, trajectory.position
+    places = _FollowedPlaces(path, position)
+    at_knots = places.at_knots()
+    return largest_distance(path, position, at_knots, places.inside, places.bound, asked)[0]
 
 
-@dataclass(frozen=True)
 class _FollowedPlaces:
     """The places of a path that a motion comes to on its way along it, in their order.
 
@@ -52,26 +53,18 @@ class _FollowedPlaces:
     length, (M,) each. ``gone``: how far the motion has gone until each knot, as shares, (K + 1,).
     """
 
-    path: Path
-    position: PiecewisePolynomial
-    marks: Array
-    ways: Array
-    gone: Array
-
-    @classmethod
-    def of(cls, path: Path, position: PiecewisePolynomial) -> _FollowedPlaces:
+    def __init__(self, path: Path, position: PiecewisePolynomial) -> None:
         """Of a path and a motion that is to follow it."""
+        self.path, self.position = path, position
         pieces = np.repeat(np.arange(len(path.knots) - 1), _IN_PIECE)
         length = np.diff(path.knots)[pieces] / _IN_PIECE
         since = length * np.tile(np.arange(_IN_PIECE), len(path.knots) - 1)
         places = np.repeat(pieces, len(_NODES))
         rates = path.inside(places, (since[:, None] + length[:, None] * _NODES).ravel(), 1)
         ways = _summed(_integrals(rates, length))
-        marks = np.append(path.knots[pieces] + since, path.knots[-1])
-        lengths = np.diff(position.knots)
-        followed = cls(path, position, marks, ways / ways[-1], np.zeros(0))
-        gone = _summed(followed._way(np.arange(len(lengths)), np.ones(len(lengths))))
-        return replace(followed, gone=gone)
+        self.marks = np.append(path.knots[pieces] + since, path.knots[-1])
+        self.ways, number = ways / ways[-1], len(position.knots) - 1
+        self.gone = _summed(self._way(np.arange(number), np.ones(number)))
 
     def at_knots(self) -> Array:
         x, (first, last) = self.position.at(self.position.knots), self.path.knots[[0, -1]]
@@ -276,28 +269,22 @@ def farthest_from(path: Path, position: PiecewisePolynomial, asked: float) -> tu
     """The largest distance (m) of a motion from a path, and when (s): that of an instant where all
     of the motion is known to keep what is asked for (m), and otherwise a bound that no instant
     exceeds."""
-    return largest_distance(_NearestPlaces(path, position), position, asked)
 
-
-@dataclass(frozen=True)
-class _NearestPlaces:
-    """The places of a path that are nearest to a motion."""
-
-    path: Path
-    position: PiecewisePolynomial
-
-    def at_knots(self) -> Array:
-        return nearest_places(self.path, self.position.at(self.position.knots))[0]
-
-    def inside(self, pieces: Index, fractions: Array, x: Array, s: Array) -> Array:
-        return nearest_places(self.path, x)[0]
-
-    def bound(self, points: Array, s: Array) -> Array:
-        on = self.path.interval(s.mean(axis=1))
-        begin, end = self.path.knots[on, None], self.path.knots[on + 1, None]
-        bound = from_moving_place(self.path, on, points, np.clip(s, begin, end))
+    def bound(points: Array, s: Array) -> Array:
+        on = path.interval(s.mean(axis=1))
+        begin, end = path.knots[on, None], path.knots[on + 1, None]
+        bound = from_moving_place(path, on, points, np.clip(s, begin, end))
         # Where the nearest place leaps from one side of a bend to the other, one that stays is
         # nearer.
         for place in s.T:
-            bound = np.minimum(bound, largest_norm(points - self.path(place)[:, None]))
+            bound = np.minimum(bound, largest_norm(points - path(place)[:, None]))
         return bound
+
+    return largest_distance(
+        path,
+        position,
+        nearest_places(path, position.at(position.knots))[0],
+        lambda pieces, fractions, x, s: nearest_places(path, x)[0],
+        bound,
+        asked,
+    )

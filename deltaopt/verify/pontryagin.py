@@ -86,7 +86,7 @@ class Extremal:
 def extremal(scene: Scene, trajectory: Trajectory) -> Extremal:
     """The costates that fit a motion best, and how well they fit.
 
-    Raises NoCostates where the scene has limits that cannot be treated (see ``_Rows.of``) or the
+    Raises NoCostates where the scene has limits that cannot be treated (see ``_Rows``) or the
     equations are singular.
     """
     try:
@@ -95,7 +95,6 @@ def extremal(scene: Scene, trajectory: Trajectory) -> Extremal:
         raise NoCostates("the equations for the costates are singular") from None
 
 
-@dataclass(frozen=True)
 class _Rows:
     """Which constraint rows are treated how: indices, (rows,) each, into the rows of a scene.
 
@@ -104,13 +103,7 @@ class _Rows:
     are called states. ``motors``: of each state the motor that holds it if it can.
     """
 
-    constraints: Constraints
-    controls: tuple[int, ...]
-    first: tuple[int, ...]
-    second: tuple[int, ...]
-
-    @classmethod
-    def of(cls, constraints: Constraints) -> _Rows:
+    def __init__(self, constraints: Constraints) -> None:
         """By the order of each row.
 
         Raises NoCostates unless every motor has one limit of its torque, on both sides, and all
@@ -125,13 +118,10 @@ class _Rows:
         sizes = {rows.stop - rows.start for rows in constraints.slices}
         if not (treated and both and one_each and sizes == {constraints.motors}):
             raise NoCostates("the scene has limits that a fit of costates cannot treat")
-        return cls(constraints, tuple(own), tuple(first.tolist()), tuple(second.tolist()))
-
-    @property
-    def motors(self) -> list[int]:
-        """Of a row that there is for each motor or chain, that of the same number."""
-        states = (*self.first, *self.second)
-        return [self.constraints.item_of(row)[1] % self.constraints.motors for row in states]
+        self.constraints, self.controls = constraints, own
+        self.first, self.second = first.tolist(), second.tolist()
+        states = (constraints.item_of(row)[1] for row in [*self.first, *self.second])
+        self.motors = [number % constraints.motors for number in states]
 
 
 @lru_cache(maxsize=8)
@@ -140,7 +130,7 @@ def _held_and_reached(functions: Functions, constraints: Constraints) -> RowFunc
     rows, the first derivatives of ``first``, the second ones of ``second``; its derivatives by x,
     v, a; what may be reached at an instant: ``first``, ``second`` and the first derivatives of
     ``second``; their derivatives by x, v; the torques and their limits (3 each, N·m)."""
-    rows = _Rows.of(constraints)
+    rows = _Rows(constraints)
     x, v, a = (ca.SX.sym(name, 3) for name in "xva")
     numbers, p = constraints.numbers(), functions.symbols()
     motion = PlatformInstant(functions, x, v, a, p)
@@ -177,7 +167,7 @@ def _fitted(scene: Scene, trajectory: Trajectory) -> Extremal:
     (K, c, …): at the beginning, at Gauss's nodes and at the end of each interval.
     """
     model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
-    rows = _Rows.of(limits.constraints)
+    rows = _Rows(limits.constraints)
     states, fractions = len(rows.first) + len(rows.second), collocation(_STAGES).fractions
     x, v, a = trajectory.path_inside(fractions)
     T, D = trajectory.duration, way_of(scene, trajectory)
@@ -306,7 +296,7 @@ def _at_limit(rows: _Rows, sign: Array, reached: Array, h: Array) -> Truths:
 
 def _size(rows: _Rows, reached: Array) -> Array:
     """How near rows of order 1 are to a bound, (K, c, rows of order 1): 1 at it."""
-    lower, upper = rows.constraints.sides[list(rows.first)].T
+    lower, upper = rows.constraints.sides[rows.first].T
     values = reached[..., : len(rows.first)]
     return np.maximum(np.where(upper, values, -np.inf), np.where(lower, -values, -np.inf))
 

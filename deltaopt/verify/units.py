@@ -7,7 +7,6 @@ as for one of a kilometre.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import hypot, sqrt
 
 import numpy as np
@@ -29,24 +28,16 @@ def way_of(scene: Scene, trajectory: Trajectory) -> float:
     return trajectory.extent if by_motion else distance(task)
 
 
-@dataclass(frozen=True)
 class Units:
     """Units of ``length`` (m), ``mass`` (kg) and ``time`` (s)."""
 
-    length: float
-    mass: float
-    time: float
-
-    @classmethod
-    def of(cls, scene: Scene, trajectory: Trajectory) -> Units:
+    def __init__(self, scene: Scene, trajectory: Trajectory) -> None:
         """The robot's own length, the mass of all bodies of a kind, and the duration or, if that
         is less, the time in which gravity moves that length from rest, about."""
-        mass = model_of(scene.robot, scene.payload).mass
-        length, time = scene.robot.size, trajectory.duration
-        gravity = hypot(*scene.robot.gravity_vector)
+        self.length, self.mass = scene.robot.size, model_of(scene.robot, scene.payload).mass
+        self.time, gravity = trajectory.duration, hypot(*scene.robot.gravity_vector)
         if gravity:
-            time = min(time, sqrt(length / gravity))
-        return cls(length, mass, time)
+            self.time = min(self.time, sqrt(self.length / gravity))
 
     def coordinates(self, functions: Functions) -> Array:
         """The units of all coordinates, (n,): lengths; angles have none."""

@@ -274,7 +274,7 @@ def verify(scene: Scene, trajectory: Trajectory) -> Verification:
     obstacle = malformed(trajectory)
     if obstacle:
         return replace(nothing, obstacles=(obstacle,))
-    units = Units.of(scene, trajectory)
+    units = Units(scene, trajectory)
     nothing = replace(
         nothing,
         duration=trajectory.duration,
@@ -302,7 +302,7 @@ def _measured(scene: Scene, trajectory: Trajectory, nothing: Verification) -> Ve
 
 
 def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
-    given, motion = scene.objective.given_duration, MeasuredMotion.of(scene, trajectory)
+    given, motion = scene.objective.given_duration, MeasuredMotion(scene, trajectory)
     safe_duration: float | None = None
     places = (clearance_excess(scene, trajectory), tube_excess(scene, trajectory))
     misplaced = [each for each in places if each is not None]
@@ -344,7 +344,7 @@ def _with_least_payload(
 ) -> Iterator[Excess]:
     """The excesses of all limits with the least payload of a range, by the model with that payload;
     those of torques by names of their own, as the scene's limits have them."""
-    light = MeasuredMotion.of(scene.with_least_payload, trajectory).excesses()
+    light = MeasuredMotion(scene.with_least_payload, trajectory).excesses()
     for excess in light.values():
         own = replace(excess, limit=f"{excess.limit} {_LIGHTER.replace('_', ' ')}")
         yield own if own.key in heavy else excess

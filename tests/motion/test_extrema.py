@@ -135,7 +135,7 @@ def test_safe_factor_is_the_smallest(limits):
     for _ in range(60):
         middle = (low * high) ** 0.5
         slowed = fast.slowed(middle)
-        found = MeasuredMotion.of(scene, slowed).excesses()
+        found = MeasuredMotion(scene, slowed).excesses()
         excess = max(each.value for each in found.values())
         low, high = (low, middle) if excess <= 1e-13 else (middle, high)
     assert safe_factor(problem_of(scene), fast, at_least=0) == pytest.approx(high, rel=1e-9)
@@ -154,7 +154,7 @@ def test_motion_may_help_against_gravity():
     )
     falling = Trajectory(drop, LINE.model)
     scene = scene_with(limits=Limits(torque=1.5))
-    assert MeasuredMotion.of(scene, falling).excesses()["torque_excess"].value < 0
+    assert MeasuredMotion(scene, falling).excesses()["torque_excess"].value < 0
     assert safe_factor(problem_of(scene), falling) == 1
     assert safe_factor(problem_of(scene), falling, at_least=10) == inf
 

@@ -154,7 +154,7 @@ def test_a_name_does_not_end_the_comment(tmp_path):
 
     rows = np.zeros((2, 3))
     table = JointTable(np.array([0.0, 0.1]), rows, rows, rows)
-    write_cams(tmp_path, Cams.of(table, "rad", 1.0), "x *) evil : INT; (*\n(*")
+    write_cams(tmp_path, Cams(table, "rad", 1.0), "x *) evil : INT; (*\n(*")
     for file in ("twincat.st", "codesys.st"):
         text = (tmp_path / file).read_text(encoding="utf-8")
         assert text.count("(*") == text.count("*)") == 1

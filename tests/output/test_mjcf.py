@@ -21,7 +21,7 @@ def test_torques_of_fast_motions(name):
     for scene in random_scenes(ROBOT[name], PAYLOAD, 5, seed=5):
         v, a = 2.0 * rng.normal(size=3), 100.0 * rng.normal(size=3)
         start, goal = scene.given_points
-        there = InMujoco.of(ROBOT[name], PAYLOAD, start)
+        there = InMujoco(ROBOT[name], PAYLOAD, start)
         other = torques(there, *model.motion(goal, v, a))
         found.append((other, model.inverse_dynamics(goal, v, a)))
     theirs, ours = (np.array(each) for each in zip(*found, strict=True))

@@ -29,7 +29,7 @@ def test_torques_of_another_payload_do_not(picked):
     scene = picked.scene
     heavier = replace(picked.trajectory, model=delta_model(scene.robot, 1.01 * scene.payload))
     model = picked.trajectory.model
-    there = InMujoco.of(model.robot, model.payload, scene.start)
+    there = InMujoco(model.robot, model.payload, scene.start)
     other = MujocoReplay((1.0, 0.5), tuple(there.miss(heavier, count) for count in COUNTS))
     assert not other.converges
     assert min(other.misses) > 1e-4

@@ -78,7 +78,7 @@ def test_lines_have_the_robots_lengths():
 
 
 def test_the_slider_shows_an_instant_and_play_moves_on(servers):
-    viewer = Viewer.of(SCENE.robot, LINE, 8080)
+    viewer = Viewer(SCENE.robot, LINE, 8080)
     (server,) = servers
     assert (server.host, server.up) == ("127.0.0.1", "+z")
     away = np.subtract(server.initial_camera.position, server.initial_camera.look_at)

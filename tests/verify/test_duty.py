@@ -46,7 +46,7 @@ GEARED = with_drive(INDUSTRIAL, **CATALOGUE)
 
 
 def measured(scene: Scene, trajectory: Trajectory) -> Duty:
-    return MeasuredMotion.of(scene, trajectory).duty()
+    return MeasuredMotion(scene, trajectory).duty()
 
 
 def sampled(trajectory: Trajectory):

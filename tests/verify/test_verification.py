@@ -76,7 +76,7 @@ def test_excess_is_the_largest_ratio():
     motion = fast(np.linspace(0, fast.duration, 20_001))
     torque = (np.abs(motion.tau) / INDUSTRIAL.robot.torque_limits).max() - 1
     speed = (np.abs(motion.dtheta) / INDUSTRIAL.robot.speed_limits).max() - 1
-    found = MeasuredMotion.of(INDUSTRIAL, fast).excesses()
+    found = MeasuredMotion(INDUSTRIAL, fast).excesses()
     assert 0 <= found["torque_excess"].value - torque < 1e-6
     assert 0 <= found["speed_excess"].value - speed < 1e-6
 
@@ -97,7 +97,7 @@ def test_safe_duration_agrees_with_the_planner():
     """Two methods that share nothing but the model."""
     for scene in (SCENE, INDUSTRIAL, scene_with(limits=Limits(torque=(9.0, 4.0, 10.0)))):
         fast = baseline(scene).slowed(0.3)
-        found = MeasuredMotion.of(scene, fast).safe_duration()
+        found = MeasuredMotion(scene, fast).safe_duration()
         assert found == pytest.approx(
             fast.duration * safe_factor(problem_of(scene), fast), rel=1e-11
         )
