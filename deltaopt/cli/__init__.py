@@ -80,13 +80,6 @@ class _OneLine(logging.Handler):
             say(f"deltaopt: {record.getMessage()}")
 
 
-def _say_what_is_logged() -> None:
-    log = logging.getLogger("deltaopt")
-    if not log.handlers:
-        log.addHandler(_OneLine())
-        log.setLevel(logging.INFO)
-
-
 def main(argv: list[str] | None = None) -> int:
     """Run the command that the arguments name and return its exit code.
 
@@ -103,18 +96,21 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(argv: list[str]) -> int:
-    _say_what_is_logged()
-    parser = command_line(argv)  # reads modules: requests to stop are heeded afterwards
-    return exit_code(lambda: _parsed(parser, argv))
-
-
-def _parsed(parser: argparse.ArgumentParser, argv: list[str]) -> int:
     """Run what the arguments ask for."""
-    if not argv:
-        parser.print_help()
-        return 0
-    arguments = parser.parse_args(argv)
-    return int(arguments.run(arguments))
+    log = logging.getLogger("deltaopt")
+    if not log.handlers:
+        log.addHandler(_OneLine())
+        log.setLevel(logging.INFO)
+    parser = command_line(argv)  # reads modules: requests to stop are heeded afterwards
+
+    def run() -> int:
+        if not argv:
+            parser.print_help()
+            return 0
+        arguments = parser.parse_args(argv)
+        return int(arguments.run(arguments))
+
+    return exit_code(run)
 
 
 def command_line(named: Container[str] = frozenset(COMMANDS)) -> argparse.ArgumentParser:

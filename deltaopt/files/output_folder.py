@@ -60,21 +60,17 @@ def write_texts(directory: Path, texts: Mapping[str, str]) -> list[Path]:
 def require_writable(directory: Path) -> None:
     """Raise OSError if a directory cannot be written to, or could not be made."""
     if not directory.is_absolute():
-        _require_current_folder()
+        try:
+            Path.cwd()
+        except FileNotFoundError:
+            problem = "the current directory has been removed"
+            raise FileNotFoundError(errno.ENOENT, problem, os.curdir) from None
     nearest = next(each for each in (directory, *directory.parents) if _exists(each))
     if not nearest.is_dir():
         problem = "is a file, not a directory" if nearest.is_file() else "is not a directory"
         raise NotADirectoryError(errno.ENOTDIR, problem, str(nearest))
     if not os.access(nearest, os.W_OK | os.X_OK):
         raise PermissionError(errno.EACCES, "may not be written to", str(nearest))
-
-
-def _require_current_folder() -> None:
-    try:
-        Path.cwd()
-    except FileNotFoundError:
-        problem = "the current directory has been removed"
-        raise FileNotFoundError(errno.ENOENT, problem, os.curdir) from None
 
 
 def _exists(path: Path) -> bool:
@@ -88,7 +84,9 @@ def _exists(path: Path) -> bool:
 
 def _hidden_folder(directory: Path, undo: ExitStack) -> Path:
     """Make and lock a folder to write in: within the directory if there is one, else beside it."""
-    for made in _make_parents(directory):
+    missing = [each for each in directory.parents if not _exists(each)]
+    directory.parent.mkdir(parents=True, exist_ok=True)
+    for made in missing[::-1]:
         undo.callback(_remove_if_empty, made)
     beside = directory if directory.is_dir() else directory.parent
     while True:
@@ -108,13 +106,6 @@ def _named_as_in(directory: Path, error: OSError, hidden: Path) -> OSError:
     if name.is_relative_to(hidden):
         name = directory / name.relative_to(hidden)
     return OSError(error.errno, error.strerror or str(error), str(name))
-
-
-def _make_parents(directory: Path) -> list[Path]:
-    """Make the directories in which a directory is to be; returns those that were not there."""
-    missing = [each for each in directory.parents if not _exists(each)]
-    directory.parent.mkdir(parents=True, exist_ok=True)
-    return missing[::-1]
 
 
 def _remove_if_empty(directory: Path) -> None:

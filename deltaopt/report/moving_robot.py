@@ -98,7 +98,7 @@ def drawing(parts: Sequence[Moving]) -> dict[str, object]:
             "of": [
                 {
                     "subject": body,
-                    "values": _rounded_or_none(values, 3),
+                    "values": [None if isnan(x) else round(x, 3) for x in values.tolist()],
                     "least": round(least[body], 3),
                 }
                 for body, values in near.items()
@@ -170,8 +170,3 @@ def shape(robot: Robot) -> dict[str, object]:
 def _rounded(values: Array, digits: int) -> object:
     """As lists; negative zeros become zero."""
     return (np.round(values, digits) + 0.0).tolist()
-
-
-def _rounded_or_none(values: Array, digits: int) -> list[float | None]:
-    """As a list; None for what is not known."""
-    return [None if isnan(value) else round(value, digits) for value in values.tolist()]

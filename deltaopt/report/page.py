@@ -45,6 +45,7 @@ def write_report(file: Path, facts: Facts) -> None:
 def report(facts: Facts) -> str:
     """The text of the page."""
     scene, trajectory, verification = facts.scene, facts.trajectory, facts.verification
+    journal = facts.found.journal if isinstance(facts.found, Plan) else ()
     terms = _list(modelled(scene)) + "<p>Not modelled:</p>" + _list(not_modelled(scene))
     parts = [
         _head(facts),
@@ -55,7 +56,7 @@ def report(facts: Facts) -> str:
         _section("Duty of the motors", _duty(verification.duty)),
         _section("Verification", _verification(verification)),
         _section("Distance to singularities", _singularities(verification)),
-        _section("What was attempted", _attempts(facts.found)),
+        _section("What was attempted", _list(map(str, journal)) if len(journal) > 1 else ""),
         _section("What is modelled", terms),
     ]
     name = f"{title(scene.task, trajectory.duration)}, {scene.robot.name}"
@@ -200,12 +201,6 @@ def _ways(ways: Sequence[TakenWay]) -> str:
         for number, way in enumerate(ways)
     ]
     return _table(("way", "duration", ""), rows)
-
-
-def _attempts(found: Plan | StraightLine) -> str:
-    """The journal of a plan; nothing where the first attempt was enough."""
-    journal = found.journal if isinstance(found, Plan) else ()
-    return _list(map(str, journal)) if len(journal) > 1 else ""
 
 
 def _figures(scenes: Sequence[Scene]) -> str:
