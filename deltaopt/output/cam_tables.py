@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from deltaopt.files.output_folder import write_texts
-from deltaopt.output.joint_table import Interpolation, JointTable
+from deltaopt.output.joint_table import Interpolation, JointTable, pieces_between
 from deltaopt.output.table_files import UNITS
 
 BLEND = 1e-6
@@ -107,8 +107,7 @@ def _points(cams: Cams) -> Iterator[str]:
 def _pieces(cams: Cams) -> Iterator[str]:
     """c0 to c5 of the master's position since ``begin``."""
     yield ",".join(["motor", "begin", "end", *(f"c{power}" for power in range(6))])
-    position, velocity, acceleration = cams.slaves
-    pieces = JointTable(cams.master, position, velocity, acceleration).quintic()
+    pieces = pieces_between(cams.master, *cams.slaves)
     for k in range(3):
         for i, (begin, end) in enumerate(zip(pieces.knots[:-1], pieces.knots[1:], strict=True)):
             numbers = [begin.item(), end.item(), *pieces.coefficients[i, :, k].tolist()]

@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from deltaopt.curves.piecewise import Array, PiecewisePolynomial, spline_rates
+from deltaopt.curves.piecewise import Array, spline_rates
 from deltaopt.errors import Unusable
 from deltaopt.files.csv_table import CsvTable, WrongCsv, read_csv
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.joint_table import JointTable, platform_motion
+from deltaopt.output.joint_table import pieces_between, platform_motion
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import DeltaModel
 
@@ -79,7 +79,11 @@ class ForeignTable:
 
         Raises Unreachable or Singular where the robot cannot follow.
         """
-        pieces = self._pieces()
+        rates = self.rates
+        if rates is None:  # at rest at both ends, as motions are
+            rates = spline_rates(np.diff(self.t), self.values)
+        known = (rates,) if self.accelerations is None else (rates, self.accelerations)
+        pieces = pieces_between(self.t, self.values, *known)
         if self.quantity == POSITION:
             return Trajectory(pieces, model)
         u = np.linspace(0.0, 1.0, _SPLIT + 1)
@@ -87,16 +91,7 @@ class ForeignTable:
         interval = np.repeat(np.arange(len(lengths)), 2 * _SPLIT)
         since = (lengths[:, None] * np.repeat(u, 2)[1:-1]).ravel()
         motion = platform_motion(model, *pieces.with_derivatives(interval, since))
-        return Trajectory(JointTable(pieces.knots[interval] + since, *motion).quintic(), model)
-
-    def _pieces(self) -> PiecewisePolynomial:
-        if self.accelerations is None:
-            rates = self.rates
-            if rates is None:  # at rest at both ends, as motions are
-                rates = spline_rates(np.diff(self.t), self.values)
-            return JointTable(self.t, self.values, rates, np.zeros_like(rates)).cubic()
-        assert self.rates is not None
-        return JointTable(self.t, self.values, self.rates, self.accelerations).quintic()
+        return Trajectory(pieces_between(pieces.knots[interval] + since, *motion), model)
 
 
 def read_foreign_table(file: Path) -> ForeignTable:

@@ -96,19 +96,21 @@ class JointTable:
 
     def cubic(self) -> PiecewisePolynomial:
         """The motor angles, rad, over time, s: Hermite pieces from angles and speeds."""
-        return self._pieces(self.theta, self.dtheta)
+        return pieces_between(self.t, self.theta, self.dtheta)
 
     def quintic(self) -> PiecewisePolynomial:
         """The motor angles, rad, over time, s: Hermite pieces from accelerations too."""
-        return self._pieces(self.theta, self.dtheta, self.ddtheta)
+        return pieces_between(self.t, self.theta, self.dtheta, self.ddtheta)
 
-    def _pieces(self, *columns: Array) -> PiecewisePolynomial:
-        """Between rows of different times, from values and derivatives at both ends."""
-        lengths = np.diff(self.t)
-        first = np.flatnonzero(lengths > 0)
-        begin, end = ([column[rows] for column in columns] for rows in (first, first + 1))
-        coefficients = hermite_pieces(lengths[first], begin, end)
-        return PiecewisePolynomial(np.append(self.t[first], self.t[-1]), coefficients)
+
+def pieces_between(t: Array, *columns: Array) -> PiecewisePolynomial:
+    """The polynomials between rows of different times t, (N,), from values and derivatives at both
+    ends, (N, m) each."""
+    lengths = np.diff(t)
+    first = np.flatnonzero(lengths > 0)
+    begin, end = ([column[rows] for column in columns] for rows in (first, first + 1))
+    coefficients = hermite_pieces(lengths[first], begin, end)
+    return PiecewisePolynomial(np.append(t[first], t[-1]), coefficients)
 
 
 @dataclass(frozen=True)
