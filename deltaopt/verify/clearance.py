@@ -210,7 +210,7 @@ def sure_robot_clearance(scene: Scene, trajectory: Trajectory) -> float:
     largest = largest_accelerations(trajectory.position)
 
     def nearness(parts: Parts) -> tuple[Array, Array, Array]:
-        ends, rates, off = _moving_links(robot, trajectory.model, parts, largest[parts.piece])
+        ends, rates, off = moving_links(robot, trajectory.model, parts, largest[parts.piece])
         begin, way = ends[:, :, 0], ends[:, :, 1] - ends[:, :, 0]
         distances, bounds = list[Array](), list[Array]()  # (N, 6) for each body, m
         for body in bodies:
@@ -242,7 +242,7 @@ def _radii(robot: Robot) -> Array:
     return np.array([robot.link_radius(link) for link in range(LINKS)])
 
 
-def _moving_links(
+def moving_links(
     robot: Robot, model: Model, parts: Parts, largest: Array
 ) -> tuple[Array, Array, Array]:
     """The lines of all links in the middles of N parts of a motion: their ends, (N, 6, 2, 3), m,
