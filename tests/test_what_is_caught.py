@@ -64,7 +64,7 @@ BAND = np.linspace(MOVE.start, MOVE.goal, 65)
 VIA = load_scene("problems/via/three_points.yaml")
 PLACES = {
     "a curve": (initial_motion, "_fastest", lambda: list(initial_motion.drivable(MOVE, [LINE]))),
-    "a band": (around_bodies, "roughly_fastest", lambda: around_bodies._driven(MOVE, BAND) or []),
+    "a band": (around_bodies, "roughly_fastest", lambda: around_bodies.driven(MOVE, BAND) or []),
     "a grid": (roadmap, "roughly_fastest", lambda: list(roadmap._driven(MOVE, BAND))),
     "splines": (
         through_gates,

@@ -44,6 +44,7 @@ BEST = {
     "35_ends_industrial": 0.421383,
     "37_ends_massless": 0.305176,
     "39_ends_massless": 0.371587,
+    "41_bodies_industrial": 0.27612,
 }
 """The best duration known, s, of motions that pass through no parallel singularity."""
 

@@ -122,7 +122,7 @@ def _drawn_ways(
         if any(np.abs(places - other).max() < _SAME * bodies.way for other in known):
             continue
         known.append(places)
-        motion = _driven(scene, path)
+        motion = driven(scene, path)
         if motion is not None:
             found.append(Way(motion, bodies.sides(path)))
     return sorted(found, key=lambda way: way.motion.duration)
@@ -155,7 +155,7 @@ def _through_passages(scene: Scene, bodies: Bodies) -> Iterator[Way]:
     band = resampled(corners)
     for margin in _MARGINS:
         drawn = replace(bodies, margin=margin).drawn(band[None], TENSIONS[-_GENTLE:])[0]
-        motion = _driven(scene, drawn) if bodies.hits(drawn[None])[0] is None else None
+        motion = driven(scene, drawn) if bodies.hits(drawn[None])[0] is None else None
         if motion is not None:
             yield Way(motion, bodies.sides(drawn))
             return
@@ -173,7 +173,7 @@ def is_clear(scene: Scene, motion: Trajectory) -> bool:
     return not planned or bool((least_rooms(scene, motion, pairs=planned) >= 0).all())
 
 
-def _driven(scene: Scene, band: Array) -> Trajectory | None:
+def driven(scene: Scene, band: Array) -> Trajectory | None:
     """The motion along a band, as fast as the limits roughly allow; None where it is not possible
     or not clear of bodies between the samples."""
     band = np.concatenate([band[:1], np.round(band[1:-1], _DIGITS), band[-1:]])
