@@ -13,6 +13,14 @@ import deltaopt
 from tests.overlaps import DOTS, overlaps
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """One process has all tests of a file, which share plans and equations."""
+    from xdist.scheduler import LoadFileScheduling
+
+    return LoadFileScheduling(config, log)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _requests_to_stop_are_heeded() -> Iterator[None]:
     """Ctrl-C and its like do what they do at a terminal, also where the tests run in the

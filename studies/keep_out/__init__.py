@@ -28,12 +28,14 @@ from studies.problems import INDUSTRIAL, add_directory
 
 HELP = "keep-out bodies: clearances measured, refusals held against a grid, planted passages"
 SMALL = {
-    "number": 2,
+    "number": 1,
     "each": 1,
     "walls": 1,
     "obstacles": 1,
     "starts": 3,
     "kinds": KINDS[:1],
+    "widths": (0.001, CLOSED),
+    "scenes_of_walls": ("wall", "via to a belt"),
     "spacing": 0.05,
 }
 
@@ -54,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--spacing", type=positive, default=0.03, help="of the grid, m (0.03)")
     parser.add_argument("--seed", type=seed, default=1, help="of the random numbers (1)")
     parser.add_argument("--robot", type=Path, default=INDUSTRIAL, metavar="ROBOT")
-    parser.set_defaults(kinds=KINDS)
+    parser.set_defaults(kinds=KINDS, widths=(*WIDTHS, CLOSED), scenes_of_walls=WALLS)
     add_directory(parser, "keep_out", "CSV files, and scenes that are refused or fail")
 
 
@@ -115,7 +117,7 @@ def _passages(arguments: argparse.Namespace) -> bool:
     """Print a line for each kind of wall and each width; whether a passage was not found."""
     robot, failed = deltaopt.load_robot(arguments.robot), False
     for kind in arguments.kinds:
-        for width in (*WIDTHS, CLOSED):
+        for width in arguments.widths:
             name = f"{kind.replace(' ', '_')}_{1e3 * width:g}mm_{arguments.seed}"
 
             def of(i: int, kind: str = kind, width: float = width, name: str = name) -> Planned:
@@ -144,7 +146,7 @@ def _passages(arguments: argparse.Namespace) -> bool:
 def _walls(arguments: argparse.Namespace) -> bool:
     """Print a line for each kind of scene; whether one was refused or is wrong."""
     robot, failed = deltaopt.load_robot(arguments.robot), False
-    for kind in WALLS:
+    for kind in arguments.scenes_of_walls:
         name = f"walls_{kind.replace(' ', '_')}_{robot.name.replace(' ', '_')}_{arguments.seed}"
 
         def of(i: int, kind: str = kind, name: str = name) -> Planned:
