@@ -8,7 +8,7 @@ the fastest motion meets the belt.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -66,9 +66,9 @@ class PlacesOnBelt:
         """The plan that waits and then meets the belt as soon as possible, or without waiting when
         a given duration is over, if there is one."""
         given = self.scene.objective.given_duration
-        if given is not None:
+        if given is not None:  # by which the place is
             found = self._plan_to(given)
-            return self._of(found, found.trajectory.position) if found else None
+            return replace(found, scene=self.scene) if found else None
         times = Meetings.of(self.scene, self.goal).durations
         if not len(times):
             return None
@@ -121,7 +121,8 @@ class PlacesOnBelt:
         start = np.zeros((1, *moving.coefficients.shape[1:]))
         start[0, 0] = self.scene.task.start.position
         still = PiecewisePolynomial(np.array([0.0, wait]), start)
-        return self._of(plan, still.then(moving))
+        motion = Trajectory(still.then(moving), model_of(self.scene.robot, self.scene.payload))
+        return plan_as_it_is(self.scene, motion, plan.tolerance, plan.formulation)
 
     def _plan_to(self, time: float) -> Plan | None:
         """The plan to where the belt is at a time, s, whenever it gets there."""
@@ -129,8 +130,3 @@ class PlacesOnBelt:
         state = State(at=at.position, velocity=at.velocity)
         plan = self.planned(self.scene.model_copy(update={"goal": state}))
         return plan if isinstance(plan, Plan) else None
-
-    def _of(self, plan: Plan, position: PiecewisePolynomial) -> Plan:
-        """A motion onto the belt, found by a plan to a place, as it is."""
-        motion = Trajectory(position, model_of(self.scene.robot, self.scene.payload))
-        return plan_as_it_is(self.scene, motion, plan.tolerance, plan.formulation)
