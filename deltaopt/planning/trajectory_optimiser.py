@@ -373,10 +373,8 @@ def _best_of(solutions: Sequence[MeshSolution], iterations: Sequence[Iteration])
 
 
 def _above_least(solutions: Sequence[MeshSolution], i: int) -> float:
-    """By what share a mesh solution costs more than the least of all that keep limits of position:
-    its gap is no less. Others cost less for leading through bodies."""
-    kept = [each.cost for each in solutions if each.needed.keeps_places]
-    return max(0.0, solutions[i].cost / min(kept, default=solutions[i].cost) - 1)
+    """By what share a mesh solution costs more than the least of all: its gap is no less."""
+    return solutions[i].cost / min(each.cost for each in solutions) - 1
 
 
 def _multipliers(found: MeshSolution) -> MeshMultipliers | None:
