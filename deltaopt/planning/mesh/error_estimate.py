@@ -41,8 +41,8 @@ _HALVES = np.array([np.abs(FRACTIONS - middle) <= 0.25 for middle in (0.25, 0.5,
 """Weights of means over the first half, the middle half and the last half of an interval. A limit
 of the state that is reached or left inside an interval is unused in the rest of it, by the best
 motion too. Means over the whole would charge that, parts shorter than half too little."""
-_BUSY = 0.9
-"""Share of its limit from which on a control counts as at it: polynomials leave some unused."""
+_BUSY = 0.5
+"""Share of its limit from which on a control counts as at it: jumps are blurred on a mesh."""
 SAFETY_FACTOR = 1.25
 """Factor on the estimated loss of time: about one estimate in ten falls short by as much. A larger
 one makes the reported gap safer and plans slower."""

@@ -99,7 +99,7 @@ def _lost(
         _by_interval(loads.rows)[:, :, rows],
         constraints.orders[rows] == constraints.order,
         slowing,
-        is_fastest=not scaling.problem.objective.running,
+        is_fastest=constraints.order == 2 and not scaling.problem.objective.running,
     )
 
 
