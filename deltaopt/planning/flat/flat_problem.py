@@ -65,7 +65,7 @@ mostly does, in far less time than Ipopt, which comes last."""
 _CREEPING = 180
 """Iterations from a near guess where Coulomb friction is softer: reversals drift along a flat
 valley. Other beginnings would creep through it once more, from farther away."""
-_EXACT, _SMOOTH = 1e-4, 0.16
+_EXACT, _SMOOTH = 1e-4, 0.05
 """Relative tolerance from which on the fastest motion is to be smooth where many are about as fast,
 and how much that counts as a share of the tolerance. Less lets the method creep along the valley
 that they lie in, and every mesh end at another motion; what more of it loses is told as part of the
