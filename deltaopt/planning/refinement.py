@@ -23,6 +23,7 @@ from deltaopt.planning.mesh.constraint_tightening import first_tightening
 from deltaopt.planning.mesh.error_estimate import (
     joined_estimate,
     refined,
+    shortest_intervals,
     split,
     with_knots_at,
 )
@@ -241,7 +242,8 @@ class Refinement:
         together, before = self.scaling.problem.together, last.mesh
         if together > 1:
             before, lost = joined(before, together), joined_estimate(lost, together)
-        mesh = refined(before, lost, target)
+        shortest = shortest_intervals(last.trajectory, together)
+        mesh = refined(before, lost, target, shortest=shortest)
         mesh = mesh if together * len(mesh) <= last.program.finest else before
         contacts = last.contacts
         mesh = with_knots_at(mesh, contacts) if len(contacts) else mesh

@@ -65,6 +65,11 @@ mostly does, in far less time than Ipopt, which comes last."""
 _CREEPING = 180
 """Iterations from a near guess where Coulomb friction is softer: reversals drift along a flat
 valley. Other beginnings would creep through it once more, from farther away."""
+_EXACT, _SMOOTH = 1e-4, 0.05
+"""Relative tolerance from which on the fastest motion is to be smooth where many are about as fast,
+and how much that counts as a share of the tolerance. Less lets the method creep along the valley
+that they lie in, and every mesh end at another motion; what more of it loses is told as part of the
+gap."""
 _IPOPT_INSTEAD = 100
 """Number of intervals of the finest mesh that Ipopt is given where the method does not converge. On
 finer ones another mesh or another first motion succeeds sooner; and where matrices are nearly
@@ -182,8 +187,10 @@ class FlatProblem:
         elif guess.on_its_mesh:
             begins = CLOSE, *begins
         ends, cost = (scaling.problem.start, scaling.problem.goal), self.equations.cost
+        exact = guess.tolerance <= _EXACT and not cost.running and scaling.faces is None
+        smooth = _SMOOTH * guess.tolerance if exact else 0.0
         for begin in begins:
-            settings = replace(begin, tolerance=guess.tolerance, rows=guess.rows)
+            settings = replace(begin, tolerance=guess.tolerance, rows=guess.rows, smooth=smooth)
             given = guess if begin is ALMOST else replace(guess, multipliers=None)
             phases = self._phases(given, scaling, parameters)
             start, goal = (boundary(end, scaling) for end in ends)

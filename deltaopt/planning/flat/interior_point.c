@@ -31,6 +31,7 @@ static void gradient(Problem *P, double mu) {
       across_rows(G->C, q, m);
       add_to_gradient(P, i, G, m, P->g);
     }
+  unevenness(P, P->z, P->g);
   reduce_gradient(P, P->g);
   for (int64_t a = 0; NL && a < size(P); a++) P->g[a] += P->given->cost[1] * P->slope[a];
   for (int64_t k = 0; k < P->spheres; k++) {
@@ -192,7 +193,7 @@ static void begin_spheres(Problem *P, const double *z) {
 static double merit(Problem *P, double step) {
   const double *dz = P->dz, begin = seconds();
   for (int64_t i = 0; i < size(P); i++) P->trial[i] = P->z[i] + step * dz[i];
-  double total = cost(P, P->trial, 0.0);
+  double total = cost(P, P->trial, 0.0) + unevenness(P, P->trial, NULL);
   begin_spheres(P, P->trial);
   for (int64_t i = 0; i < P->n; i++) {
     Interval *I = P->interval + i;
@@ -233,7 +234,9 @@ static double merit_now(Problem *P, double *slope) {
   }
   if (needed > P->penalty || needed < P->penalty / 10) P->penalty = 1.5 * needed + 1e-6 * P->unit;
   *slope += sum(along) - P->penalty * infeasibility;
-  double total = cost(P, P->z, P->run);
+  double *by_z = memset(P->trial, 0, size(P) * sizeof(double));
+  double total = cost(P, P->z, P->run) + unevenness(P, P->z, by_z);
+  for (int64_t a = 0; P->smooth > 0 && a < size(P); a++) *slope += by_z[a] * P->dz[a];
   for (int64_t i = 0; i < P->n; i++)
     for (int j = 0; j < NG; j++) {
       Group *G = P->interval[i].group + j;
@@ -323,7 +326,7 @@ static void set_intervals(Problem *P) {
       I->any_constant = I->constant[0] || I->constant[1];
       for (int r = 0; r < NC; r++) I->scale[r] = 1 / given->share[NC * i + r];
       set_weights(P, I);
-      set_bending(I, durations(P, P->z)[phase]);
+      set_bending(P, I, durations(P, P->z)[phase]);
     }
   }
   int64_t knot = 0;
@@ -417,6 +420,7 @@ static void unpack(const Problem *P, double *knots, double *T) {
    multipliers of all rows, or NULL. */
 static int begin(Problem *P, const Settings *S, const double *known) {
   double total = 0;
+  P->smooth = S->smooth;
   set_intervals(P);
   P->penalty = 0;
   begin_spheres(P, P->z);
@@ -434,6 +438,7 @@ static int begin(Problem *P, const Settings *S, const double *known) {
   const double at_guess = cost(P, P->z, P->run);
   P->mu = S->barrier * at_guess / products(P);
   P->unit = NL ? at_guess : 1.0;
+  P->smooth *= P->unit;
   for (int64_t i = 0; i < P->n; i++)
     for (int j = 0; j < NG; j++) {
       for (int r = 0; r < NC; r++) begin_row(P, P->interval[i].group + j, r, S->closest, known);
@@ -473,6 +478,14 @@ static int solved(Problem *P, const Settings *S, double shift) {
   R->complementarity = P->left / now;
   const double asked = !is_last ? R->dual : S->is_warm ? 0.0 : change;
   return greater(R->complementarity, asked) <= S->tolerance && R->primal <= S->rows;
+}
+
+/* What is left includes what is lost because a solution is smooth: what Newton's step would gain if
+   that counted nothing from now on. */
+static void measure_unevenness(Problem *P, const Settings *S, double shift) {
+  P->smooth = 0;
+  direction(P, 0.0);
+  solved(P, S, shift);
 }
 
 static void differentiate_all(Problem *P) {
@@ -533,7 +546,10 @@ static int iterate(Problem *P, const Settings *S) {
     P->left = complementarity(P, 0, 0);
     watch(P, S, shift);
     if (!aim(P, &shift)) return SINGULAR;
-    if (solved(P, S, shift)) return SOLVED;
+    if (solved(P, S, shift)) {
+      if (P->smooth > 0) measure_unevenness(P, S, shift);
+      return SOLVED;
+    }
     choose_barrier(P, S->tolerance);
     if (!try_direction(P, &dual)) {
       bend(P, 0.0);

@@ -82,6 +82,8 @@ class Settings:
     this fraction of the cost, and every row is met to it, or to ``rows``. ``barrier``:
     complementarity at the start, as a fraction of the cost. ``closest``: at the start no row is
     closer to its bound than this fraction of the bound. ``iterations``: the most it does.
+    ``smooth``: of how much smoothness counts, so that of motions that are about equally good the
+    smoothest is found: the weight of what ``unevenness`` of ``rows.c`` adds up.
     """
 
     tolerance: float = 1e-5
@@ -89,6 +91,7 @@ class Settings:
     closest: float = 0.3
     iterations: int = 60
     rows: float | None = None
+    smooth: float = 0.0
 
     @property
     def row_tolerance(self) -> float:
@@ -166,6 +169,7 @@ class _Settings(ctypes.Structure):
         ("iterations", ctypes.c_int64),
         ("trace", ctypes.c_void_p),
         ("is_warm", ctypes.c_int64),
+        ("smooth", ctypes.c_double),
     )
 
 
@@ -290,6 +294,7 @@ class CompiledMethod:
             iterations=settings.iterations,
             trace=None if trace is None else trace.ctypes.data,
             is_warm=is_warm,
+            smooth=settings.smooth,
         )
         status = self.code.solve(
             ctypes.c_int64(phases),

@@ -95,6 +95,8 @@ static void fix(const Problem *P, int64_t i, Block *B, double *columns) {
 /* Diagonal block and coupling to the next knot (transposed) of knot i. */
 static void assemble_block(const Problem *P, int64_t i, double shift, Block *B) {
   const Interval *left = P->interval + i - 1, *right = P->interval + i;
+  if (i == 0) shift += smoothing(P, right);
+  if (i == P->n) shift += smoothing(P, left);
   if (i > 0 && i < P->n) {
     for (int r = 0; r < NB; r++)
       for (int s = 0; s < NB; s++) { /* what lies above D's diagonal is not used */
@@ -104,6 +106,9 @@ static void assemble_block(const Problem *P, int64_t i, double shift, Block *B) 
         B->D[r][s] +=
             shift * (left->bending[NR + r / NM][NR + s / NM] + right->bending[r / NM][s / NM]);
         B->E[r][s] += shift * right->bending[NR + r / NM][s / NM];
+        B->D[r][s] += smoothing(P, left) * left->bending[NR + r / NM][NR + s / NM];
+        B->D[r][s] += smoothing(P, right) * right->bending[r / NM][s / NM];
+        B->E[r][s] += smoothing(P, right) * right->bending[NR + r / NM][s / NM];
       }
     return;
   }

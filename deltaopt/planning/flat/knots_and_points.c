@@ -65,15 +65,24 @@ static void set_weights(const Problem *P, Interval *I) {
   }
 }
 
-/* The integral of A^2 as a form in the knots, each in its unit. */
-static void set_bending(Interval *I, double T) {
+/* What A^2 weighs at each point of an interval. Where smooth motions are sought it weighs less in
+   short intervals, in which motions gather speed: to how much that changes there. */
+static double bending_weight(const Problem *P, const Interval *I) {
+  return USUAL * I->length / NG * (P->smooth > 0 ? USUAL * I->length : 1.0);
+}
+
+/* What A^2, so weighted, counts in what is minimised. */
+static double smoothing(const Problem *P, const Interval *I) { return P->smooth * I->length; }
+
+/* What A^2 at the points adds up to as a form in the knots, each in its unit. */
+static void set_bending(const Problem *P, Interval *I, double T) {
   const double rates[] = {1, T, T * T};
   for (int a = 0; a < 2 * NR; a++)
     for (int b = 0; b < 2 * NR; b++) {
       double total = 0;
       for (int g = 0; g < NG; g++)
         total += sum(I->group[g].weight[2][a] * I->group[g].weight[2][b]);
-      I->bending[a][b] = USUAL * I->length / NG * total;
+      I->bending[a][b] = bending_weight(P, I) * total;
       if (I->constant[a / NR]) I->bending[a][b] *= rates[a % NR];
       if (I->constant[b / NR]) I->bending[a][b] *= rates[b % NR];
     }

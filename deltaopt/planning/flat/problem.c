@@ -28,6 +28,11 @@
    are factorised with Cholesky's method, the border with L D L^T. Where it is not positive definite
    the step would not be one of descent.
 
+   Where nothing but the speed of one motor decides how long a motion takes, many motions are as
+   fast, and on a mesh almost as fast: steps would drift along that valley, and each mesh would have
+   to resolve another motion. So of motions that are equally fast as far as the tolerance goes the
+   smoothest is sought.
+
    The text is in five files, compiled as one: this one, with what is stored; knots_and_points.c;
    rows.c; kkt_system.c; and interior_point.c, the steps of the method. Nothing in it is kept from
    call to call: all memory is the caller's.
@@ -94,6 +99,7 @@ typedef struct {
   int64_t iterations; /* at most */
   double *trace;      /* for those who watch, TRACED numbers of each iteration; or NULL */
   int64_t is_warm;    /* whether multipliers are given with the guess */
+  double smooth;      /* what unevenness counts beside the cost, see unevenness */
 } Settings;
 
 enum { TRACED = 4 };
@@ -180,6 +186,7 @@ typedef struct {
   int64_t spheres;
   Sphere *sphere;
   double mu, penalty;
+  double smooth;                 /* what unevenness counts, in the unit of the cost */
   double run, next_run;          /* the integral of the running cost at z, at the trial */
   double unit;                   /* of what shifts are counted in: 1, or a running cost at first */
   double left; /* complementarity now */

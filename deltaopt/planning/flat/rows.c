@@ -111,7 +111,7 @@ static void curvature(Problem *P, int64_t i) {
   double g[NK];
   local_gradient(P, I, g);
   curvature_in_constant_units(P, i, g);
-  set_bending(I, duration_of(P, I, P->z));
+  set_bending(P, I, duration_of(P, I, P->z));
 }
 
 /* How far t is from its limits; kept, for a division takes as long as many products. */
@@ -168,4 +168,26 @@ static void add_spheres(const Problem *P, int64_t knot, Block *block) {
         block->D[r][s] += B->upper * B->over * B->slope[r] * B->slope[s];
     }
   }
+}
+
+/* What is added to what is minimised at z for a smooth motion, in place of none of many that take
+   equally long; its gradient is added to g, if there is one. */
+static double unevenness(const Problem *P, double *z, double *g) {
+  double total = 0;
+  for (int64_t i = 0; P->smooth > 0 && i < P->n; i++) {
+    const Interval *I = P->interval + i;
+    const double weight = smoothing(P, I) * bending_weight(P, I);
+    double room[NK];
+    const double *knots = local(P, i, z, room);
+    for (int j = 0; j < NG; j++) {
+      V y[NY], m[NY] = {0};
+      at_points(I->group + j, knots, 0.0, y); /* the knots' products would cancel */
+      for (int k = 2 * NM; k < 3 * NM; k++) {
+        m[k] = weight * y[k];
+        total += 0.5 * sum(m[k] * y[k]);
+      }
+      if (g) add_to_gradient(P, i, I->group + j, m, g);
+    }
+  }
+  return total;
 }

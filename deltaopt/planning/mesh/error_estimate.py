@@ -12,7 +12,8 @@ A control (order 2, such as a torque) jumps from one limit to the other where λ
 solution cannot: it may be at neither limit in all of the interval, and then its own multipliers
 there are zero, although time is lost. So λ of a control is interpolated linearly in time between
 the middles of the intervals. The density of a limit of order 1, such as a speed, begins and ends
-with the part of the motion that is at the limit; it is taken to lie where the row is largest.
+with the part of the motion that is at the limit; it is taken to lie where the row is largest. But
+the fastest motion has a control at its limit until then: where none is, the way there is lost too.
 
 Where the motion exceeds a limit in between, all of it must be slowed: that is the other part of the
 gap, and it is known exactly.
@@ -25,6 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deltaopt.curves.piecewise import Array, Index, Truths
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.nlp.phases import joined, with_neighbours
 
 FRACTIONS = np.linspace(0.0, 1.0, 25)
@@ -39,15 +41,19 @@ _HALVES = np.array([np.abs(FRACTIONS - middle) <= 0.25 for middle in (0.25, 0.5,
 """Weights of means over the first half, the middle half and the last half of an interval. A limit
 of the state that is reached or left inside an interval is unused in the rest of it, by the best
 motion too. Means over the whole would charge that, parts shorter than half too little."""
+_BUSY = 0.5
+"""Share of its limit from which on a control counts as at it: jumps are blurred on a mesh."""
 SAFETY_FACTOR = 1.25
 """Factor on the estimated loss of time: about one estimate in ten falls short by as much. A larger
 one makes the reported gap safer and plans slower."""
 TIGHTENED = 4e-3
 """Length of an interval, as a fraction of the duration, up to which an exceeded limit is tightened
 there instead of the interval being split. Tightening in longer intervals would cost more time."""
-_SHORTEST = 1e-4
-"""Shortest interval, as a fraction of the duration. Accelerations are second differences of the
-positions at knots, so their rounding error grows with the inverse square of the length."""
+_SHORTEST, _USUAL = 1e-4, 16.0
+"""Shortest interval, as a fraction of the duration, for accelerations up to the second, a
+motion's extent per square of its duration. Accelerations are second differences of the positions at
+knots, so their rounding error grows with the inverse square of the length: where motors reach their
+speed at once, and accelerations are as much greater, intervals may be shorter."""
 _FOR_BODIES = 3.0
 """Pieces of an interval per loss at bodies in it, as shares of the loss that is aimed at: some
 three intervals touch a body at its edge. More make meshes finer, fewer take more of them."""
@@ -83,7 +89,13 @@ def joined_estimate(lost: ErrorEstimate, together: int) -> ErrorEstimate:
 
 
 def error_estimate(
-    mesh: Array, multipliers: Array, loads: Array, controls: Truths, slowing: Array
+    mesh: Array,
+    multipliers: Array,
+    loads: Array,
+    controls: Truths,
+    slowing: Array,
+    *,
+    is_fastest: bool = False,
 ) -> ErrorEstimate:
     """Estimate the lost time of a mesh solution.
 
@@ -92,11 +104,15 @@ def error_estimate(
     ``loads``: normalised rows at ``FRACTIONS`` of the intervals, (N, len(FRACTIONS), rows).
     ``controls``: which rows are controls, of the highest order, (rows,); the others are less.
     ``slowing``: factor by which the motion must be slowed for each interval to keep its limits,
-    (N,).
+    (N,). ``is_fastest``: whether a control must be at its limit wherever no state is, as for
+    the least duration, though not for the least effort.
     """
     unused = _unused_controls(mesh, multipliers[:, :, controls], loads[:, :, controls])
     if not controls.all():
-        unused = unused + _unused_states(multipliers[:, :, ~controls], loads[:, :, ~controls])
+        idle = np.zeros(loads.shape[:2])
+        if is_fastest:
+            idle = (_BUSY - np.abs(loads[:, :, controls]).max(axis=2, initial=0.0)).clip(min=0.0)
+        unused = unused + _unused_states(multipliers[:, :, ~controls], loads[:, :, ~controls], idle)
     return ErrorEstimate(np.maximum(unused, 0.0), np.maximum(slowing - 1, 0.0))
 
 
@@ -115,11 +131,18 @@ def _unused_controls(mesh: Array, multipliers: Array, loads: Array) -> Array:
     return np.asarray(mesh * (unused @ _MEAN).sum(axis=0))
 
 
-def _unused_states(multipliers: Array, loads: Array) -> Array:
-    """The lost time of limits of the state, (N,), in the half of an interval nearest to them."""
-    halves = np.moveaxis(loads, 2, 0) @ _HALVES.T  # (rows, N, 3)
-    upper = np.maximum(multipliers, 0).sum(axis=1) * (1 - halves.max(axis=2)).T
-    lower = np.maximum(-multipliers, 0).sum(axis=1) * (1 + halves.min(axis=2)).T
+def _unused_states(multipliers: Array, loads: Array, idle: Array) -> Array:
+    """The lost time of limits of the state, (N,), in the half of an interval nearest to them; or in
+    all of it by as much as every control is ``idle``, (N, samples), a share of its limits: where
+    motors could have brought the motion to its limit sooner, all of the way there is lost."""
+    rows = np.moveaxis(loads, 2, 0)
+    halves = rows @ _HALVES.T  # (rows, N, 3)
+    to_upper, to_lower = 1 - halves.max(axis=2), 1 + halves.min(axis=2)
+    below, above = (np.maximum(1 - sign * rows, 0.0) * idle @ _MEAN for sign in (1, -1))
+    to_upper = to_upper + np.maximum(below - np.maximum(to_upper, 0.0), 0.0)
+    to_lower = to_lower + np.maximum(above - np.maximum(to_lower, 0.0), 0.0)
+    upper = np.maximum(multipliers, 0).sum(axis=1) * to_upper.T
+    lower = np.maximum(-multipliers, 0).sum(axis=1) * to_lower.T
     return np.asarray((upper + lower).sum(axis=1))
 
 
@@ -128,12 +151,28 @@ def split(mesh: Array, pieces: int | Index) -> Array:
     return np.repeat(mesh / pieces, pieces)
 
 
-def refined(mesh: Array, lost: ErrorEstimate, target: float, most: int = 6) -> Array:
+def shortest_intervals(motion: Trajectory, together: int = 1) -> Array:
+    """Lengths below which so many intervals of a motion together must not be split, as fractions of
+    the duration, (N,)."""
+    begins_and_ends = np.linalg.norm(motion.path_inside([0.0, 1.0])[2], axis=1)
+    largest = begins_and_ends.reshape(-1, 2 * together).max(axis=1)
+    by_usual = largest * motion.duration**2 / (_USUAL * motion.extent)
+    return np.asarray(_SHORTEST / np.sqrt(np.maximum(by_usual, 1.0)))
+
+
+def refined(
+    mesh: Array,
+    lost: ErrorEstimate,
+    target: float,
+    most: int = 6,
+    shortest: Array | float = _SHORTEST,
+) -> Array:
     """Split the intervals of a mesh, (N,), so that the lost time falls to about ``target``.
 
-    Each is split evenly into ``most`` pieces at most. In an interval where a torque jumps the loss
-    falls with the square of its length, in others faster; beside a sharp edge of a body in
-    proportion to it, and the motion may then touch the edge in the next interval. An exceeded limit
+    Each is split evenly into ``most`` pieces at most, none shorter than ``shortest``. In an
+    interval where a torque jumps the loss falls with the square of its length, in others faster;
+    beside a sharp edge of a body in proportion to it, and the motion may then touch the edge in the
+    next interval. An exceeded limit
     is no reason to split a short interval, for the limit is tightened there.
     """
     exceeded = np.where(mesh > TIGHTENED, lost.exceeded, 0.0)
@@ -141,7 +180,7 @@ def refined(mesh: Array, lost: ErrorEstimate, target: float, most: int = 6) -> A
     wanted = np.ceil(np.sqrt(share))
     if lost.at_bodies is not None:
         wanted = np.maximum(wanted, np.ceil(_FOR_BODIES * with_neighbours(lost.at_bodies) / target))
-    pieces = np.clip(wanted, 1, np.clip(mesh / _SHORTEST, 1, most)).astype(int)
+    pieces = np.clip(wanted, 1, np.clip(mesh / shortest, 1, most)).astype(int)
     return split(mesh, pieces)
 
 

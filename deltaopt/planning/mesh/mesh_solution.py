@@ -64,7 +64,7 @@ def solve_on_mesh(program: Program, scaling: Scaling, guess: Guess) -> MeshSolut
     loads = loads_inside(problem, trajectory, FRACTIONS)
     slowing, needed = _needed(loads, scaling)
     mesh = program.mesh if solution.mesh is None else solution.mesh
-    lost = _lost(mesh, solution, loads, slowing, scaling.constraints)
+    lost = _lost(mesh, solution, loads, slowing, scaling)
     unused = lost.total
     soft = scaling.softening
     if soft is not None and solution.widths is not None:
@@ -73,7 +73,7 @@ def solve_on_mesh(program: Program, scaling: Scaling, guess: Guess) -> MeshSolut
             problem, trajectory, solution.widths, FRACTIONS, rows[:, control]
         )
         resolved = replace(loads, rows=rows)
-        lost = _lost(mesh, solution, resolved, slowing, scaling.constraints)
+        lost = _lost(mesh, solution, resolved, slowing, scaling)
     has_arrived = solution.left <= guess.tolerance
     found = MeshSolution(
         program, solution, trajectory, loads, lost, unused, needed, scaling, has_arrived
@@ -88,9 +88,10 @@ def solve_on_mesh(program: Program, scaling: Scaling, guess: Guess) -> MeshSolut
 
 
 def _lost(
-    mesh: Array, solution: Solved, loads: Loads, slowing: Array, constraints: Constraints
+    mesh: Array, solution: Solved, loads: Loads, slowing: Array, scaling: Scaling
 ) -> ErrorEstimate:
     """The lost time of a solution on a mesh; ``slowing``: as of ``error_estimate``."""
+    constraints = scaling.constraints
     rows = time_costing_rows(constraints)
     return error_estimate(
         mesh,
@@ -98,6 +99,7 @@ def _lost(
         _by_interval(loads.rows)[:, :, rows],
         constraints.orders[rows] == constraints.order,
         slowing,
+        is_fastest=constraints.order == 2 and not scaling.problem.objective.running,
     )
 
 
