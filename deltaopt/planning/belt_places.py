@@ -66,7 +66,7 @@ class PlacesOnBelt:
         """The plan that waits and then meets the belt as soon as possible, or without waiting when
         a given duration is over, if there is one."""
         given = self.scene.objective.given_duration
-        if given is not None:  # by which the place is
+        if given is not None:  # the belt is at a known place then
             found = self._plan_to(given)
             return replace(found, scene=self.scene) if found else None
         times = Meetings.of(self.scene, self.goal).durations

@@ -67,9 +67,8 @@ _CREEPING = 180
 valley. Other beginnings would creep through it once more, from farther away."""
 _EXACT, _SMOOTH = 1e-4, 0.05
 """Relative tolerance from which on the fastest motion is to be smooth where many are about as fast,
-and how much that counts as a share of the tolerance. Less lets the method creep along the valley
-that they lie in, and every mesh end at another motion; what more of it loses is told as part of the
-gap."""
+and how much that counts, as a share of the tolerance. With less the method creeps along the valley
+in which they lie, and every mesh ends at another motion. What it costs is part of the gap."""
 _IPOPT_INSTEAD = 100
 """Number of intervals of the finest mesh that Ipopt is given where the method does not converge. On
 finer ones another mesh or another first motion succeeds sooner; and where matrices are nearly

@@ -66,7 +66,7 @@ static void set_weights(const Problem *P, Interval *I) {
 }
 
 /* What A^2 weighs at each point of an interval. Where smooth motions are sought it weighs less in
-   short intervals, in which motions gather speed: to how much that changes there. */
+   short intervals, in which motors reach their speed at once: A has to be large there. */
 static double bending_weight(const Problem *P, const Interval *I) {
   return USUAL * I->length / NG * (P->smooth > 0 ? USUAL * I->length : 1.0);
 }

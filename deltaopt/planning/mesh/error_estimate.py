@@ -136,14 +136,13 @@ def _unused_states(multipliers: Array, loads: Array, idle: Array) -> Array:
     all of it by as much as every control is ``idle``, (N, samples), a share of its limits: where
     motors could have brought the motion to its limit sooner, all of the way there is lost."""
     rows = np.moveaxis(loads, 2, 0)
-    halves = rows @ _HALVES.T  # (rows, N, 3)
-    to_upper, to_lower = 1 - halves.max(axis=2), 1 + halves.min(axis=2)
-    below, above = (np.maximum(1 - sign * rows, 0.0) * idle @ _MEAN for sign in (1, -1))
-    to_upper = to_upper + np.maximum(below - np.maximum(to_upper, 0.0), 0.0)
-    to_lower = to_lower + np.maximum(above - np.maximum(to_lower, 0.0), 0.0)
-    upper = np.maximum(multipliers, 0).sum(axis=1) * to_upper.T
-    lower = np.maximum(-multipliers, 0).sum(axis=1) * to_lower.T
-    return np.asarray((upper + lower).sum(axis=1))
+    halves, lost = rows @ _HALVES.T, np.zeros((len(loads), len(rows)))  # (rows, N, 3), (N, rows)
+    for side in (1, -1):  # upper bounds, then lower ones
+        nearest = 1 - (side * halves).max(axis=2)
+        whole = np.maximum(1 - side * rows, 0.0) * idle @ _MEAN
+        unused = nearest + np.maximum(whole - np.maximum(nearest, 0.0), 0.0)
+        lost += np.maximum(side * multipliers, 0).sum(axis=1) * unused.T
+    return np.asarray(lost.sum(axis=1))
 
 
 def split(mesh: Array, pieces: int | Index) -> Array:
@@ -172,8 +171,8 @@ def refined(
     Each is split evenly into ``most`` pieces at most, none shorter than ``shortest``. In an
     interval where a torque jumps the loss falls with the square of its length, in others faster;
     beside a sharp edge of a body in proportion to it, and the motion may then touch the edge in the
-    next interval. An exceeded limit
-    is no reason to split a short interval, for the limit is tightened there.
+    next interval. An exceeded limit is no reason to split a short interval, for the limit is
+    tightened there.
     """
     exceeded = np.where(mesh > TIGHTENED, lost.exceeded, 0.0)
     share = lost.unused / (target / len(mesh)) + exceeded / target

@@ -70,15 +70,15 @@ _SAME_MOTION, _COMPARED = 0.02, 33
 """Of the way: motions on the first mesh that are nowhere farther apart at the same share of their
 durations, at so many instants, are the same motion, to what a first mesh is solved to."""
 _IDLE = 0.15
-"""Part of the intervals without a limit reached in which a motion is idle: far from the best. Of
-950 ways past obstacles 21 lead to such; from their own paths 15 become faster by 2 % to 30 %."""
+"""Share of intervals without a limit reached from which on a motion is far from the best. Of 950
+first meshes past obstacles 21 led to such; from their paths 15 became faster by 2 % or more."""
 
 
 Planning = Callable[[Attempt], Plan]
 """Plans from an attempt. Raises an error that ends an attempt."""
 _NEAR, _SAMPLES = 0.05, 65
 """Of the way from start to goal: motions are planned past bodies that a first motion comes nearer
-to, at so many places. A smaller share leaves more to be planned again, a larger one slows all."""
+to, at so many places. A smaller share leaves more to plan again, a larger one slows meshes."""
 
 
 def fastest_way(
@@ -160,7 +160,7 @@ class _Search:
         for way in ways:
             trial = _Trial.along(way, self.attempt, self._hit)
             if len(ways) > 1 or self.trials:
-                trial = self._solved(trial)
+                trial = self._solved(trial, way)
             self.trials.append(trial)
             if trial.is_solved:
                 self.durations[len(self.trials) - 1] = trial.motion.duration
@@ -171,17 +171,19 @@ class _Search:
             if which >= first:
                 self._plan(which, self.trials[order[0]].motion.duration)
 
-    def _solved(self, trial: _Trial) -> _Trial:
-        """A trial solved on the first mesh; where that motion is idle, also from its path anew."""
+    def _solved(self, trial: _Trial, way: Way) -> _Trial:
+        """The trial of a way on the first mesh; where that motion is idle, also from its path."""
         scene, solve = self.attempt.scene, self.on_first_mesh
         found = trial.solved(scene, solve)
-        if found.is_solved and idle_share(found.attempt.problem, found.motion) >= _IDLE:
-            motion = driven(at_rest(scene, found.motion), sampled(found.motion))
-            other = motion and _Trial.along(Way(motion, ()), self.attempt, self._hit)
-            other = other and other.solved(scene, solve)
-            if other and other.is_solved and other.motion.duration < found.motion.duration:
-                return other
-        return found
+        if not found.is_solved or idle_share(found.attempt.problem, found.motion) < _IDLE:
+            return found
+        motion = driven(at_rest(scene, found.motion), sampled(found.motion))
+        if motion is None:
+            return found
+        again = _Trial.along(replace(way, motion=motion), self.attempt, self._hit)
+        again = again.solved(scene, solve)
+        is_faster = again.is_solved and again.motion.duration < found.motion.duration
+        return again if is_faster else found
 
     def _plan(self, which: int, fastest: float) -> None:
         """Plan a way, unless it seems slower than those that are planned; ``fastest``: how long the
@@ -248,8 +250,7 @@ class _Search:
         for i in sorted(durations, key=lambda i: (i != chosen, durations[i])):
             motion = plans[i].trajectory if i in plans else self.trials[i].motion
             name = name_of_way(self.attempt.scene, motion)
-            way = TakenWay(name, durations[i], is_planned=i in plans)
-            taken.setdefault(frozenset(name.split(", ")), way)
+            taken.setdefault(frozenset(name.split(", ")), TakenWay(name, durations[i], i in plans))
         return plans[chosen], tuple(taken.values())
 
 
@@ -371,8 +372,7 @@ def with_those_hit(scene: Scene, part: Scene, position: PiecewisePolynomial) -> 
     if len(kept) == len(every):
         return None
     absent = [i for i, body in enumerate(every) if not any(body is each for each in kept)]
-    others = past_these(scene, absent)
-    hit = {absent[i] for i in those_hit(others, position)}
+    hit = {absent[i] for i in those_hit(past_these(scene, absent), position)}
     present = set(range(len(every))) - set(absent)
     return past_these(scene, present | hit) if hit else None
 
