@@ -12,7 +12,7 @@ from pathlib import Path
 from deltaopt.compare.plans.report import FORMULATIONS
 from deltaopt.compare.plans.study import Method, PlanStudy, Row
 from deltaopt.plots.colours import BLACK, BLUE, ORANGE, VERMILION
-from deltaopt.plots.style import figure, name_lines, without_box
+from deltaopt.plots.style import figure, logarithmic, name_lines, without_box
 
 COLOURS = {"flat": BLACK, "forward": ORANGE, "explicit": BLUE, "multiplier": VERMILION}
 """Colours of the formulations."""
@@ -38,8 +38,8 @@ def draw(study: PlanStudy, case: str, path: Path) -> None:
             failed = [row.seconds for row in own if row.failure]
             top, edge = [0.97] * len(failed), axes.get_xaxis_transform()
             axes.plot(failed, top, "x", color=colour, label="_failed", transform=edge)
-        axes.set(xscale="log", yscale="log", xlabel="wall time of the solve (s)")
-        axes.set_ylabel("gap of the safe duration")
+        logarithmic(axes)
+        axes.set(xlabel="wall time of the solve (s)", ylabel="gap of the safe duration")
         axes.set_title(title(rows, case))
         name_lines(axes, room=0.2)
         without_box(axes)

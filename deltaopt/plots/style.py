@@ -15,6 +15,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 from numpy.typing import ArrayLike
 from PIL import Image
 
@@ -50,6 +51,7 @@ _STYLE: Any = {
     "axes.grid": True,
     "axes.axisbelow": True,
     "axes.unicode_minus": True,
+    "axes.formatter.min_exponent": 3,
     "grid.color": "0.9",
     "grid.linewidth": 0.5,
     "xtick.direction": "in",
@@ -116,6 +118,14 @@ def name_rms(
         name = f"rated RMS {100 * share:.0f} %"
         axes.plot(axes.get_xlim(), [100 * share] * 2, ":", color=GREY, linewidth=0.9, label=name)
     return shares
+
+
+def logarithmic(axes: Axes) -> None:
+    """Make both axes logarithmic. Where they span less than two decades, 2 and 4 of each have
+    numbers too: Matplotlib's own choice, 2, 3, 4 and 6, leaves too little room for them."""
+    axes.set(xscale="log", yscale="log")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_minor_locator(LogLocator(subs=(2, 4)))
 
 
 def name_lines(axes: Axes, *, room: float, apart: float = 0.09) -> None:

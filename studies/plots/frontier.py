@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from deltaopt.plots.colours import BLUE, GREEN, GREY, VERMILION
-from deltaopt.plots.style import figure, name_lines, without_box
+from deltaopt.plots.style import figure, logarithmic, name_lines, without_box
 from studies.frontier import DEFAULT, FORMULATIONS, Point, best_degrees, times_longer
 
 
@@ -64,9 +64,8 @@ def _panel(axes: Axes, found: Sequence[Point]) -> None:
                 across, up, "o", color=colour, markerfacecolor=face, markersize=4, label="_point"
             )
     axes.margins(y=0.12)  # for names above the first points
-    axes.set(xscale="log", yscale="log", xlabel="time to plan, ms of one processor")
-    axes.xaxis.set_major_formatter("{x:g}")
-    axes.yaxis.set_major_formatter("{x:g}")
+    logarithmic(axes)
+    axes.set_xlabel("time to plan, ms of one processor")
     name_lines(axes, room=0.3, apart=0.06)
     without_box(axes)
 

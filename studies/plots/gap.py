@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from deltaopt.plots.colours import COLOURS, GREY
-from deltaopt.plots.style import figure, without_box
+from deltaopt.plots.style import figure, logarithmic, without_box
 from studies.gap import Held
 from studies.gap_moves import INSIDE
 
@@ -41,10 +41,9 @@ def draw(rows: Sequence[Held], file: Path) -> None:
         edge = "ends at the edge of the workspace"
         axes.text(0.05, 0.87, edge, color=COLOURS[1], transform=axes.transAxes)
         axes.text(0.6, 0.2, "told too small", color=GREY, transform=axes.transAxes)
-        axes.set(xscale="log", yscale="log", xlabel="true gap, %", ylabel="gap that is told, %")
+        logarithmic(axes)
+        axes.set(xlabel="true gap, %", ylabel="gap that is told, %")
         axes.set(xlim=(100 * floor / 1.3, 100 * MOST), ylim=(100 * floor / 1.3, 100 * MOST))
-        axes.xaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_major_formatter("{x:g}")
         without_box(axes)
 
 

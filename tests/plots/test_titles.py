@@ -139,6 +139,19 @@ def test_plans_name_the_soonest_and_the_latest():
     assert told == "a case: flat is 4.5 times quicker than multiplier"
 
 
+@pytest.mark.parametrize(("first", "last"), [(0.025, 0.45), (0.9, 3.2), (0.2, 0.26), (0.03, 40)])
+def test_numbers_of_plans_have_room_whatever_the_times_are(first, last, tmp_path):
+    """Every chart that a test draws is searched for labels that overlap."""
+    rows = []
+    for name, gaps in (("flat", (1e-2, 1e-3)), ("explicit", (3e-2, 3e-3)), ("multiplier", (9e-2,))):
+        method = SimpleNamespace(formulation=name, closure="")
+        rows += [
+            SimpleNamespace(case="c", method=method, seconds=seconds, gap=gap, failure="")
+            for seconds, gap in zip((first, last), gaps, strict=False)
+        ]
+    plans.draw(SimpleNamespace(rows=rows), "c", tmp_path / "plans.png")
+
+
 @pytest.fixture
 def drawn(monkeypatch) -> list[Figure]:
     found, write = list[Figure](), Figure.savefig
