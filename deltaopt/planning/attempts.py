@@ -52,7 +52,7 @@ _LONG, _LABORIOUS = 4.0, 400
 be a poor local minimum. Hardly any random move is the first, and one in a hundred the second:
 usual are thirty iterations. Fewer would make more plans take three times as long in vain."""
 _SECOND_LOOKS = 2
-"""How many attempts more are then made. More of them find little for what they cost."""
+"""How many plans more are then made. More of them find little for what they cost."""
 
 
 @dataclass(frozen=True)
@@ -230,14 +230,12 @@ def by_merit(so_far: Outcomes, coarsest: int) -> Iterator[Attempt]:
     enough may be a poor local minimum, some of those that follow are tried too. Raises Unreachable
     if there is no first motion.
     """
-    more: int | None = None
+    asked = inf
     for attempt in _in_order(so_far, coarsest):
         yield attempt
-        if more is None and so_far.is_good:
-            more = _SECOND_LOOKS if so_far.is_doubtful else 0
-        elif more:
-            more -= 1
-        if more == 0:
+        if asked == inf and so_far.is_good:
+            asked = len(so_far.plans) + (_SECOND_LOOKS if so_far.is_doubtful else 0)
+        if len(so_far.plans) >= asked:
             return
 
 

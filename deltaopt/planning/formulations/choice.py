@@ -96,12 +96,10 @@ class Flat(ProblemFormulation):
         They are for Ipopt if that is asked for, without a C compiler, and for accelerations that
         are not linear in every interval.
         """
-        is_smooth, own = constraints.order == 3, None
-        by_ipopt = None if is_smooth else super().of(functions, transcription, constraints, cost)
-        if isinstance(solver, InteriorPoint) and (is_smooth or transcription.degree == 1):
-            equations = point_equations(functions, constraints)
-            own = compiled_flat(equations, transcription, cost, by_ipopt)
-        return own or by_ipopt or super().of(functions, transcription, constraints, cost)
+        own, is_linear = None, constraints.order == 3 or transcription.degree == 1
+        if isinstance(solver, InteriorPoint) and is_linear:
+            own = compiled_flat(point_equations(functions, constraints), transcription, cost)
+        return own or super().of(functions, transcription, constraints, cost)
 
     def equations(self, system: ScaledMechanism) -> Equations:
         """Its equations for any scaled mechanism."""

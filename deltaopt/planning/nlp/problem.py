@@ -66,7 +66,7 @@ class Ipopt:
 class InteriorPoint:
     """deltaopt's own interior-point method in compiled C, for the flat formulation.
 
-    Ipopt takes over where there is no C compiler and where the method does not converge.
+    Ipopt takes over where there is no C compiler.
 
     Examples:
         >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")
@@ -91,8 +91,7 @@ class Guess:
     limits that were moved by a little; None on another mesh.
     ``on_its_mesh``: whether the motion's knots are those of this mesh; through a passage that is
     narrower than the spacing of knots elsewhere a solution must not go far from it.
-    ``is_trial``: whether others are tried beside it, or a plan is known, so that what the solver
-    does not find soon is not worth the time of another solver.
+    ``is_trial``: whether others are tried beside it, or a plan is known.
     """
 
     trajectory: Trajectory

@@ -9,11 +9,13 @@ import pytest
 
 from deltaopt import load_scene, verify
 from deltaopt.motion.certificate import MET
+from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.formulations.delta import DeltaProblem
 from deltaopt.planning.mesh.mesh_costates import certify_mesh, costates, hamiltonian_on_mesh
 from deltaopt.planning.mesh.mesh_solution import solve_on_mesh
-from deltaopt.planning.nlp.problem import Guess
+from deltaopt.planning.nlp.problem import Guess, Ipopt
 from deltaopt.planning.nlp.scaling import Scaling
+from deltaopt.planning.nlp.transcription import LINEAR
 from deltaopt.planning.plan import quicker
 from deltaopt.planning.planner import Planner
 from deltaopt.planning.refinement import Refinement
@@ -76,9 +78,10 @@ def test_shares_by_interval_and_motor_are_those_of_ipopt():
     share = np.ones((12, scaling.constraints.number))
     share[:, scaling.constraints.is_control] = rng.uniform(0.7, 1.0, (12, 3))
     scaling = replace(scaling, share=share)
-    equations = flat_equations(scene)
-    ours = equations(mesh).solve(guess, scaling, model.parameters)
-    exact = replace(equations.by_ipopt(mesh).collocation, regularisation=0.0)
+    ours = flat_equations(scene)(mesh).solve(guess, scaling, model.parameters)
+    constraints, by_ipopt = limits_of(scene).constraints, Ipopt()
+    other = Flat().of(model.functions, LINEAR, constraints, solver=by_ipopt)(mesh)
+    exact = replace(other.collocation, regularisation=0.0)
     ipopts = DeltaProblem(exact).solve(guess, scaling, model.parameters)
     assert ours.status == "Solve_Succeeded"
     assert ours.position.knots[-1] == pytest.approx(ipopts.position.knots[-1], rel=1e-6)

@@ -34,7 +34,7 @@ def solved_on(
     equations: PointEquations, scaling: Scaling, mesh, guess: Trajectory, cost: Cost = FASTEST
 ) -> Solved:
     """The best motion on a mesh by the compiled method, to ten digits."""
-    compiled = compiled_flat(equations, LINEAR, cost, by_ipopt=None)
+    compiled = compiled_flat(equations, LINEAR, cost)
     if compiled is None:
         pytest.skip("without a compiler")
     first = Guess(guess, near=False, tolerance=1e-10)
