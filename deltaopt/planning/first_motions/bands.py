@@ -135,6 +135,24 @@ class Bodies:
                 bands[:, 1:-1] = inner.reshape(len(bands), -1, 3)
         return bands
 
+    def beside_corners(self, paths: Array) -> Array:
+        """Paths, (W, n, 3), with both ends of every piece that leads through a body shifted by as
+        much as its middle is short of the margin: beside an edge one sample may have been pushed
+        out of one face and the next one out of another, so that their line cuts the edge off."""
+        distance = self.distances(paths.reshape(-1, 3))[0].reshape(*paths.shape[:2], -1)
+        pierced, shifts = self.pierced(paths, distance), np.zeros_like(paths)
+        own, piece = np.nonzero(pierced >= 0)
+        if not len(own):
+            return paths
+        body, which = pierced[own, piece], np.arange(len(own))
+        distance, slope = self.distances((paths[own, piece] + paths[own, piece + 1]) / 2)
+        short = np.maximum(self.kept[body] + self.margin * self.way - distance[which, body], 0.0)
+        shift = short[:, None] * slope[which, body]
+        np.add.at(shifts, (own, piece), shift)
+        np.add.at(shifts, (own, piece + 1), shift)
+        shifts[:, [0, -1]] = 0.0
+        return paths + shifts
+
     def in_reach(self, places: Array) -> Array:
         """Places, (…, 3), m, moved as little as it takes for arms and bars to be no more in line
         than ``_ALIGNED``, or than at an end, as far as the first derivative tells."""

@@ -60,7 +60,7 @@ def bows(bodies: Bodies, base: Array) -> list[Array]:
     taking = speeds(paths[:, _ROUGHLY])[0].sum(axis=-1) * (1 + _DEARER * np.maximum(deep, 0.0))
     begun = _fastest_of_each(passed, taking)[:_PUSHED]
     pushed, clear = near.drawn(paths[begun], _DRAWN, path), begun[deep[begun] <= 0]
-    paths = np.concatenate([paths[clear], pushed])
+    paths = np.concatenate([paths[clear], near.beside_corners(pushed)])
     paths = paths[_are_possible(near, paths)]
     if not len(paths):
         return []
