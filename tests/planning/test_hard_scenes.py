@@ -45,6 +45,7 @@ BEST = {
     "37_ends_massless": 0.305176,
     "39_ends_massless": 0.371587,
     "41_bodies_industrial": 0.27612,
+    "42_wall_industrial": 0.42288,
 }
 """The best duration known, s, of motions that pass through no parallel singularity."""
 

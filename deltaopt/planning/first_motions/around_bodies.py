@@ -52,7 +52,7 @@ CLEAR = "clear of all bodies"
 _FEW = 2
 """Ways along bows of the fastest motion without bodies: where there are fewer, as beside boards and
 at the edge of the workspace, bows of the first motion and bands of bent lines are looked at too. Of
-201 scenes past obstacles 12 instead of 18 are then longer than the best by 0.2 %."""
+201 scenes past obstacles the worst took 36 % longer than the best without them, 3 % with them."""
 _BENT, _OF_EACH = (0.4, 0.8), 2
 """Of the way, how far lines are bent to each of four sides then, and how many bands of each are
 looked at. Bands of the line itself lead to one side of a body that fills half the workspace."""

@@ -35,7 +35,7 @@ _LOOKED_AT, _ROUGHLY = (slice(6, -1, 6), slice(3, -1, 3)), slice(None, None, 3)
 places first, and how long they take."""
 _MARGIN = 0.01
 """How far bows stay from bodies where there is room, as a share of the way from start to goal."""
-_DEEP, _DEARER, _PUSHED = 0.15, 3.0, 32
+_DEEP, _DEARER, _PUSHED = 0.15, 3.0, 64
 """Of the way, how deep in a body a bow may be that is pushed; by what share of its time it counts
 as slower for each length of the way that it is deep; and how many are pushed at most."""
 _DRAWN = np.array([2.0, 1.0, 1.0, 1.0, 0.5, 0.3])

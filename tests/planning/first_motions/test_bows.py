@@ -6,6 +6,7 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from deltaopt.planning.first_motions.bands import Bodies
 from deltaopt.planning.first_motions.bows import bows
@@ -74,6 +75,21 @@ def test_bows_pass_a_wall_on_the_side_that_is_open():
     for path in found:
         x, y, _ = finely(path).T
         assert (x[np.abs(y - MIDDLE[1]) <= 0.01] < top).all()
+
+
+def test_a_line_that_cuts_an_edge_off_is_shifted_out_of_the_body():
+    """From before one face of a box to before the one above it: all other places stay."""
+    corner = MIDDLE + np.array([0.02, 0.0, 0.0])
+    box = {"from": [corner[0], corner[1], -2.0], "to": [3.0, 3.0, 2.0]}
+    bodies = Bodies.of(with_bodies({"box": box}))
+    margin = bodies.margin * bodies.way
+    beside = [[0.03, -0.05, 0.0], [0.03, -margin, 0.0], [-margin, 0.04, 0.0], [-margin, 0.09, 0.0]]
+    path = np.array([START, *(corner + np.array(beside)), GOAL])
+    (shifted,) = bodies.beside_corners(path[None])
+    middle = (shifted[2] + shifted[3]) / 2 - corner
+    assert middle[0] == pytest.approx(-margin, abs=1e-9)
+    others = [0, 1, 4, 5]
+    np.testing.assert_array_equal(shifted[others], path[others])
 
 
 def test_bands_come_back_into_reach_and_no_farther():
