@@ -98,11 +98,11 @@ class _Way:
 
     @classmethod
     def of(cls, scene: Scene, points: tuple[Vector3, Vector3]) -> _Way | None:
-        """Between two points, m; None where the model has something that may act without bound, or
-        that is not known."""
+        """Between two points, m; None where these are one, or the model has something that may act
+        without bound, or that is not known."""
         model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
         energies, ends = model.energies, np.array(points)
-        if energies is None:
+        if energies is None or (ends[0] == ends[1]).all():
             return None
         start, goal = model.inverse_kinematics(ends)[:, model.functions.motors]
         gravity = np.array(scene.robot.gravity_vector)

@@ -136,6 +136,13 @@ def test_the_soonest_that_a_place_is_passed_is_exact_for_them():
     assert_allclose(soonest(scene, scene.goal), sqrt(2 * angle * 5.0 / 40.0), rtol=1e-6)
 
 
+def test_no_time_to_where_the_platform_is():
+    """As from a stop to a run-up that begins there; all bounds divide by the way."""
+    scene, _ = straight_down(heavy_drives())
+    assert soonest(scene, scene.start) == 0.0
+    assert lower_bound(scene.model_copy(update={"goal": scene.start})) == 0.0
+
+
 @pytest.mark.parametrize("name", ["every term", "unequal motors", "rl5"])
 def test_no_plan_passes_a_place_sooner(name):
     """Of places at which plans from rest pass at the speed that they have there."""
