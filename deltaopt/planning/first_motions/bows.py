@@ -41,7 +41,7 @@ as slower for each length of the way that it is deep; and how many are pushed at
 _DRAWN = np.array([2.0, 1.0, 1.0, 1.0, 0.5, 0.3])
 """Tensions with which bows are drawn to their path while they are pushed, step by step: with five
 steps of 1 more neighbouring problems took different ways."""
-_SLOWEST, _MOST = 2.0, 8
+_SLOWEST, _MOST = 2.0, 6
 """How much longer than the fastest a bow may take, and how many are kept."""
 
 
