@@ -230,12 +230,12 @@ def by_merit(so_far: Outcomes, coarsest: int) -> Iterator[Attempt]:
     enough may be a poor local minimum, some of those that follow are tried too. Raises Unreachable
     if there is no first motion.
     """
-    asked = inf
+    wanted = inf
     for attempt in _in_order(so_far, coarsest):
         yield attempt
-        if asked == inf and so_far.is_good:
-            asked = len(so_far.plans) + (_SECOND_LOOKS if so_far.is_doubtful else 0)
-        if len(so_far.plans) >= asked:
+        if wanted == inf and so_far.is_good:
+            wanted = len(so_far.plans) + (_SECOND_LOOKS if so_far.is_doubtful else 0)
+        if len(so_far.plans) >= wanted:
             return
 
 

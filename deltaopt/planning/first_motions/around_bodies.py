@@ -26,6 +26,7 @@ from deltaopt.planning.first_motions.bands import (
     TENSIONS,
     Bodies,
     clear_bands,
+    pulled,
     resampled,
     sampled,
     sides_of,
@@ -96,8 +97,8 @@ def ways_around(
 
     First come ``first``, where that is clear of bodies, and bows of ``free``: ways that are much as
     it is are fast. Where ``first`` is not clear, then bands of it, or the path of straight lines
-    where there are none. Where bows are few, bows of ``first`` come as well, and bands of lines
-    that are bent to all sides.
+    where there are none. Where bows of ``free`` are few, bows of ``first`` come as well, and at
+    last bands of ``first`` bent as a whole to each of four sides.
     """
     bodies, known = Bodies.of(scene), list[Array]()
 
@@ -118,11 +119,11 @@ def ways_around(
 
 
 def _bent(bodies: Bodies, path: Array) -> Iterator[Array]:
-    """A path (n, 3), m, bent as a whole to each of four sides."""
-    shape = np.sin(np.linspace(0.0, np.pi, len(path)))[:, None]
+    """A path (n, 3), m, whose middle is pulled to each of four sides."""
+    middle = len(path) // 2
     for size in _BENT:
         for side in sides_of(path[-1] - path[0]):
-            yield path + size * bodies.way * shape * side
+            yield pulled(path, middle, middle, size * bodies.way * side)
 
 
 def _drawn_ways(

@@ -242,7 +242,7 @@ class Bodies:
             shifts[going] += np.where(found[going], 0.0, more)
             going &= ~found & (shifts <= _FARTHEST * self.way)
         return [
-            _pulled(band, first, last, shifts[k] * side)
+            pulled(band, first, last, shifts[k] * side)
             for k, (band, (_, first, last), side) in enumerate(lanes)
             if found[k]
         ]
@@ -365,7 +365,7 @@ def sides_of(along: Array) -> Array:
     return np.array([up, left, -left, -up])
 
 
-def _pulled(band: Array, first: int, last: int, shift: Array) -> Array:
+def pulled(band: Array, first: int, last: int, shift: Array) -> Array:
     """A band of which the samples from one to another are shifted, and those before and after in
     proportion."""
     n = len(band)

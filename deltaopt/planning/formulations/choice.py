@@ -96,10 +96,12 @@ class Flat(ProblemFormulation):
         They are for Ipopt if that is asked for, without a C compiler, and for accelerations that
         are not linear in every interval.
         """
-        own, is_linear = None, constraints.order == 3 or transcription.degree == 1
+        is_linear = constraints.order == 3 or transcription.degree == 1
         if isinstance(solver, InteriorPoint) and is_linear:
             own = compiled_flat(point_equations(functions, constraints), transcription, cost)
-        return own or super().of(functions, transcription, constraints, cost)
+            if own is not None:
+                return own
+        return super().of(functions, transcription, constraints, cost)
 
     def equations(self, system: ScaledMechanism) -> Equations:
         """Its equations for any scaled mechanism."""

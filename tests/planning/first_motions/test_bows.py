@@ -77,8 +77,8 @@ def test_bows_pass_a_wall_on_the_side_that_is_open():
         assert (x[np.abs(y - MIDDLE[1]) <= 0.01] < top).all()
 
 
-def test_a_line_that_cuts_an_edge_off_is_shifted_out_of_the_body():
-    """From before one face of a box to before the one above it: all other places stay."""
+def test_the_middle_of_a_line_that_cuts_an_edge_off_is_shifted_out_of_the_body():
+    """The line leads from a place before one face of a box to one above the next face."""
     corner = MIDDLE + np.array([0.02, 0.0, 0.0])
     box = {"from": [corner[0], corner[1], -2.0], "to": [3.0, 3.0, 2.0]}
     bodies = Bodies.of(with_bodies({"box": box}))
