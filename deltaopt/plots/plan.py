@@ -79,7 +79,7 @@ def draw(
             _clearance(over_time[1], scene, trajectory)
         over_time[-1].set_xlabel("time (ms)", loc="left")
         load = f" {scene.payload_in_words}" if scene.payload else ""
-        way = f"{1e3 * np.linalg.norm(ends[1] - ends[0]):.3g} mm{load}, {scene.objective}"
+        way = f"{1e3 * np.linalg.norm(ends[1] - ends[0]):.4g} mm{load}, {scene.objective}"
         what = verbatim(fill(f"{scene.robot.name}: {way}", _LINE))
         told = "\n".join(filter(None, (what, assumption(scene.task), _marks(scene))))
         page.supxlabel(told, fontsize=SMALL, color=GREY)
