@@ -33,9 +33,8 @@ FLAGS = (
 The next two change no result; they let square roots be inlined. The last rounds a product and a sum
 together where the processor can; it is GCC's default."""
 
-OF_GCC = ("--param", "lra-max-considered-reload-pseudos=50")
-"""For GCC alone, which looks at 500 values each time a function has a register too few: with 50 the
-largest source compiles in 15 s instead of 37, with the same results."""
+OF_GCC = ("-fno-inline-functions-called-once",)
+"""For GCC alone, which would put the parts of long functions together again (``simd_c``)."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ EXTRA = "pip install 'deltaopt[compiler]'"
 
 _NAMES = () if os.name == "nt" else ("gcc", "cc", "clang")
 _LONGEST = 300.0
-"""s; the largest source takes some 10 s. A compiler that takes longer hangs, and is stopped."""
+"""s; the largest source takes some 15 s. A compiler that takes longer hangs, and is stopped."""
 _SOON = 1.0
 """s; a compiler that takes longer is worth a word to who waits for it."""
 

@@ -149,6 +149,9 @@ class Refinement:
                 self.report(f"{len(last.mesh)} intervals: no finer mesh is known to be worth it")
                 break
             looser = self.tolerance / (_LOOSER if faces is None else _LOOSER_PAST_FACES)
+            looser /= (
+                1 + self._repeats
+            )  # what it leaves may be what keeps a mesh from its tolerance
             accuracy = max(looser, min(gap / _SOLVER_MARGIN, _LOOSEST_TOLERANCE))
             try:
                 self._solve(mesh, Guess(last.trajectory, near=True, tolerance=accuracy), scaling)

@@ -52,6 +52,25 @@ def test_numbers_of_points(rows, number):
     assert failed is None
 
 
+@pytest.mark.parametrize("guarded", [False, True])
+def test_long_functions(guarded):
+    """Some 4000 operations, in which a number is divided by, and used, long after it is known."""
+    x, p = ca.SX.sym("x", 3), ca.SX.sym("p", 2)
+    first, value, results = 2 + ca.sin(x[0]), x[1], []
+    for k in range(600):
+        value = ca.sin(value * p[k % 2] / 9 + x[2] / first) + value / (3 + first)
+        results += [value / first] if k % 100 == 0 else []
+    outputs = [ca.vertcat(*results, value)]
+    plain = ca.Function("plain", [x, p], outputs)
+    function = RowFunction(
+        ca.Function("long", [x, p], [*outputs, x[0]] if guarded else outputs), guarded
+    )
+    points = arrays(5)[0]
+    expected = evaluate_rows(plain, points, parameters=P)
+    for found, known in zip(function(points, parameters=P), expected, strict=True):
+        np.testing.assert_allclose(found, known, rtol=1e-12)
+
+
 @pytest.mark.parametrize("compiler", ["compiled", "interpreted"])
 def test_several_times_at_every_point(compiler, monkeypatch):
     """Each time with its part of the parameters, results of all times one after the other."""

@@ -16,8 +16,6 @@ from deltaopt.codegen.simd_c import LANES, VECTOR, c_function
 from deltaopt.limits.constraints import Alike
 from deltaopt.planning.flat.point_problem import Entries, PointProblem, dense_function
 
-_QUICKLY_COMPILED = '#pragma GCC optimize ("no-inline-functions-called-once")'
-"""GCC takes two thirds of the time for the method past bodies so, which is as fast."""
 PARTS = ("problem", "knots_and_points", "rows", "kkt_system", "interior_point")
 """The files of the method's own text, in the order in which they are compiled."""
 
@@ -56,7 +54,6 @@ def source(problem: PointProblem, points: int) -> str:
     here = files("deltaopt.planning.flat")
     return "\n".join(
         [
-            _QUICKLY_COMPILED if loops else "",
             "#include <string.h>",
             VECTOR,
             *(f"#define {name} {size}" for name, size in sizes.items()),
