@@ -192,7 +192,8 @@ def _bottoms(
         places = np.concatenate([bottom - step, bottom, bottom + step])
         values = curves(np.tile(interval, 3), places)
         left, middle, right = values[np.arange(3 * n), np.tile(function, 3)].reshape(3, n)
-        curvature = np.maximum(left - 2 * middle + right, np.finfo(float).tiny)
+        rounding = np.finfo(float).eps * (np.abs(left) + np.abs(right)) + np.finfo(float).tiny
+        curvature = np.maximum(left - 2 * middle + right, rounding)
         least_offset = np.where(bottom <= step, -np.inf, -1.0)
         largest_offset = np.where(bottom >= 1 - step, np.inf, 1.0)
         offset = np.clip((left - right) / (2 * curvature), least_offset, largest_offset)

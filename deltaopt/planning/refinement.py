@@ -22,6 +22,7 @@ from deltaopt.planning.journal import Progress
 from deltaopt.planning.mesh.constraint_tightening import first_tightening
 from deltaopt.planning.mesh.error_estimate import (
     joined_estimate,
+    longest_tightened,
     refined,
     shortest_intervals,
     split,
@@ -246,7 +247,8 @@ class Refinement:
         if together > 1:
             before, lost = joined(before, together), joined_estimate(lost, together)
         shortest = shortest_intervals(last.trajectory, together)
-        mesh = refined(before, lost, target, shortest=shortest)
+        tightened = longest_tightened(self.scaling.problem)
+        mesh = refined(before, lost, target, shortest=shortest, tightened=tightened)
         mesh = mesh if together * len(mesh) <= last.program.finest else before
         contacts = last.contacts
         mesh = with_knots_at(mesh, contacts) if len(contacts) else mesh

@@ -16,7 +16,7 @@ import numpy as np
 from deltaopt.curves.piecewise import Array, Index, Truths
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.mesh.error_estimate import FRACTIONS, TIGHTENED
+from deltaopt.planning.mesh.error_estimate import FRACTIONS, longest_tightened
 from deltaopt.planning.nlp.phases import with_neighbours
 from deltaopt.planning.nlp.scaling import UNTIGHTENED, Scaling
 from deltaopt.problem.problem import Problem
@@ -89,7 +89,7 @@ def tightened_where_exceeded(
     smallest = np.where(constraints.slid_along, _SMALLEST_SHARE_OF_PLACES, _SMALLEST_SHARE)
     smallest[constraints.in_phases] = _SMALLEST_SHARE_OF_APPROACH
     share = np.maximum(1 - over, smallest)
-    untouched = (mesh > TIGHTENED)[:, None] & np.logical_not(anywhere)
+    untouched = (mesh > longest_tightened(scaling.problem))[:, None] & np.logical_not(anywhere)
     return replace(scaling, share=np.where(untouched, UNTIGHTENED, share))
 
 

@@ -28,6 +28,7 @@ import numpy as np
 from deltaopt.curves.piecewise import Array, Index, Truths
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.nlp.phases import joined, with_neighbours
+from deltaopt.problem.problem import Problem
 
 FRACTIONS = np.linspace(0.0, 1.0, 25)
 """Fractions of every interval where constraint rows are evaluated, both ends included."""
@@ -46,9 +47,11 @@ _BUSY = 0.5
 SAFETY_FACTOR = 1.25
 """Factor on the estimated loss of time: about one estimate in ten falls short by as much. A larger
 one makes the reported gap safer and plans slower."""
-TIGHTENED = 4e-3
+_TIGHTENED, _BESIDE_FRICTION = 4e-3, 4e-4
 """Length of an interval, as a fraction of the duration, up to which an exceeded limit is tightened
-there instead of the interval being split. Tightening in longer intervals would cost more time."""
+there instead of the interval being split. Tightening in longer intervals would cost more time. The
+second where rates of torques are limited and friction changes its sign within them: no tightening
+at the points helps against a rate that peaks between two of them."""
 _SHORTEST, _USUAL = 1e-4, 16.0
 """Shortest interval, as a fraction of the duration, for accelerations up to the second, a
 motion's extent per square of its duration. Accelerations are second differences of the positions at
@@ -159,22 +162,30 @@ def shortest_intervals(motion: Trajectory, together: int = 1) -> Array:
     return np.asarray(_SHORTEST / np.sqrt(np.maximum(by_usual, 1.0)))
 
 
+def longest_tightened(problem: Problem) -> float:
+    """Length of an interval, as a fraction of the duration, up to which limits that are exceeded
+    between its points are tightened at these; longer ones are split."""
+    has_peaks = problem.model.layers and problem.limits.constraints.has_torque_rates
+    return _BESIDE_FRICTION if has_peaks else _TIGHTENED
+
+
 def refined(
     mesh: Array,
     lost: ErrorEstimate,
     target: float,
     most: int = 6,
     shortest: Array | float = _SHORTEST,
+    tightened: float = _TIGHTENED,
 ) -> Array:
     """Split the intervals of a mesh, (N,), so that the lost time falls to about ``target``.
 
     Each is split evenly into ``most`` pieces at most, none shorter than ``shortest``. In an
     interval where a torque jumps the loss falls with the square of its length, in others faster;
     beside a sharp edge of a body in proportion to it, and the motion may then touch the edge in the
-    next interval. An exceeded limit is no reason to split a short interval, for the limit is
-    tightened there.
+    next interval. An exceeded limit is no reason to split an interval that is no longer than
+    ``tightened``, for the limit is tightened there.
     """
-    exceeded = np.where(mesh > TIGHTENED, lost.exceeded, 0.0)
+    exceeded = np.where(mesh > tightened, lost.exceeded, 0.0)
     share = lost.unused / (target / len(mesh)) + exceeded / target
     wanted = np.ceil(np.sqrt(share))
     if lost.at_bodies is not None:

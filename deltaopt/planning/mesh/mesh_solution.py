@@ -30,9 +30,9 @@ from deltaopt.planning.mesh.edges import phases_over_edges
 from deltaopt.planning.mesh.error_estimate import (
     FRACTIONS,
     SAFETY_FACTOR,
-    TIGHTENED,
     ErrorEstimate,
     error_estimate,
+    longest_tightened,
 )
 from deltaopt.planning.nlp.phases import FacePhases
 from deltaopt.planning.nlp.problem import Formulated, Guess, Program, Solved
@@ -380,7 +380,7 @@ class MeshSolution:
         cannot_slow = not self.problem.may_be_slowed and self.own_gap < _NEARLY_LAST
         soon = cannot_slow or self._is_held(shares[:, others])
         anywhere = places | others if soon else places
-        tightenable = anywhere if mesh.min() > TIGHTENED else places | others
+        tightenable = anywhere if mesh.min() > longest_tightened(self.problem) else places | others
         tightened = replace(self.scaling, share=UNTIGHTENED)
         if tightenable.any():
             points, seen = self.program.points, self._with_missed(size, places)
@@ -398,7 +398,7 @@ class MeshSolution:
 
         ``shares``: of limits that slowing usually helps to keep, (N, rows).
         """
-        long = self.mesh > TIGHTENED
+        long = self.mesh > longest_tightened(self.problem)
         return isinf(self.safe_factor) or bool((shares[long] < self.scaling.torque_share).any())
 
     def _with_missed(self, size: Array, places: Truths) -> Array:
