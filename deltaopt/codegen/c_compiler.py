@@ -27,14 +27,13 @@ FLAGS = (
     "-fno-math-errno",
     "-fno-trapping-math",
     "-ffp-contract=fast",
+    "-fno-inline-functions-called-once",
 )
 """Flags of the compiler for any processor. Vectors are written explicitly where they are faster
 (``simd_c``), so the compiler's own vectorisation of straight-line code, which was slower, is off.
-The next two change no result; they let square roots be inlined. The last rounds a product and a sum
-together where the processor can; it is GCC's default."""
-
-OF_GCC = ("-fno-inline-functions-called-once",)
-"""For GCC alone, which would put the parts of long functions together again (``simd_c``)."""
+The next two change no result; they let square roots be inlined. The next rounds a product and a sum
+together where the processor can; it is GCC's default. The last, which Clang ignores, keeps GCC from
+putting the parts of long functions together again."""
 
 
 @dataclass(frozen=True)
@@ -98,15 +97,7 @@ class Compiler:
     @property
     def flags(self) -> tuple[str, ...]:
         """The flags for this processor."""
-        return self.flags_at(self.level)
-
-    def flags_at(self, level: Level) -> tuple[str, ...]:
-        """The flags for processors of a level.
-
-        Raises subprocess.TimeoutExpired if the compiler hangs.
-        """
-        own = OF_GCC if "\ngcc version" in self.identity else ()
-        return (*FLAGS, *own, *level.flags)
+        return (*FLAGS, *self.level.flags)
 
     @cached_property
     def _here(self) -> subprocess.CompletedProcess[str]:

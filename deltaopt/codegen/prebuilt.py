@@ -16,7 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from pathlib import Path
 
-from deltaopt.codegen.c_compiler import BASELINE, LEVELS, Compiler, Level
+from deltaopt.codegen.c_compiler import BASELINE, FLAGS, LEVELS, Compiler, Level
 from deltaopt.codegen.library_file import intact, put
 from deltaopt.errors import DeltaOptError
 
@@ -86,7 +86,7 @@ def _compile(text: str, library: Path, level: Level, compiler: Compiler) -> None
     with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
         source, built = Path(scratch) / "a.c", Path(scratch) / "a.so"
         source.write_text(text)
-        if not compiler.compile(source, built, compiler.flags_at(level)):
+        if not compiler.compile(source, built, (*FLAGS, *level.flags)):
             raise DeltaOptError(f"{compiler.command} does not compile {library.name}")
         put(built, library)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from math import inf
 
 from deltaopt.curves.piecewise import Array
@@ -38,8 +39,9 @@ _KEPT_VOLUME = 0.01
 """Distance from the parallel singularity that plans are then kept at, unless an end is nearer: more
 costs time where the best motion comes close, less brings torques that peak between points."""
 _KEPT_AWAY = 2
-"""From how many of the first motions of a round it is tried again at that distance where nothing
-else succeeded: iterates may lose their way in the singularity, whatever the first motion."""
+"""From how many of the first motions, of each round if there are several, it is tried again at that
+distance where nothing else succeeded: iterates may lose their way in the singularity, whatever the
+first motion."""
 _NEARLY = 1e-2
 """Gap below which a plan that misses its tolerance is near an optimum: then finer meshes may bring
 it there, and paths over a grid, which take long, will not."""
@@ -260,8 +262,9 @@ def _in_order(so_far: Outcomes, coarsest: int) -> Iterator[Attempt]:
 
 def until_good(so_far: Outcomes, coarsest: int, proposals: Iterator[Proposal]) -> Iterator[Attempt]:
     """What to attempt next in phases or where an end moves, until a plan is good enough: all first
-    motions on the coarsest mesh on which they stay in the workspace, then on finer ones. A motion
-    that two sources propose, as a quintic to rest and a stop, is attempted once."""
+    motions on the coarsest mesh on which they stay in the workspace; where none led to a plan, some
+    away from the parallel singularity; then all on finer meshes. A motion that two sources propose,
+    as a quintic to rest and a stop, is attempted once."""
     tried = list[Attempt]()
     for proposal in proposals:
         if any(proposal.motion.position == attempt.motion.position for attempt in tried):
@@ -270,7 +273,8 @@ def until_good(so_far: Outcomes, coarsest: int, proposals: Iterator[Proposal]) -
         yield tried[-1]
         if so_far.is_good:
             return
-    for attempt in finer(tried, _FINER[0]):
+    away = [] if so_far.plans else [attempt.away for attempt in tried[:_KEPT_AWAY]]
+    for attempt in chain(filter(None, away), finer(tried, _FINER[0])):
         yield attempt
         if so_far.is_good:
             return

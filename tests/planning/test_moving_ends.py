@@ -8,6 +8,7 @@ import pytest
 import deltaopt
 from deltaopt import Anywhere, Belt, Planner, Scene, SceneError, State, load_scene, plan, verify
 from deltaopt.planning.in_flight import finished_first
+from studies.frozen import cases
 from tests.planning.switching.test_vertical_moves import MOVES, NAMES, VerticalMove
 
 CROSS = load_scene("problems/industrial_cross.yaml")
@@ -304,3 +305,13 @@ def test_other_formulations_plan_from_and_to_motion(name, formulation):
 def test_settings_of_motions_from_rest_to_rest_are_refused():
     with pytest.raises(ValueError, match="start has 2 instants; one is needed"):
         PLANNER.plan(plan(PASSED).trajectory([0, 0.01]), CROSS.goal)
+
+
+def test_a_stop_past_a_sphere_whose_first_meshes_are_not_solved():
+    """They lose their way in a parallel singularity; kept away from it they are."""
+    (case,) = (each for each in cases() if each.name.startswith("stop, sphere haptic 180"))
+    scene = case.of.scene()
+    found = plan(scene)
+    assert found.within_tolerance
+    assert found.duration < 0.0212
+    assert verify(scene, found.trajectory).failures() == []
