@@ -48,9 +48,9 @@ def away_by_samples(scene: Scene, x: np.ndarray) -> np.ndarray:
     return np.array([np.sqrt(((places - each) ** 2).sum(axis=1).min()) for each in x])
 
 
-def planned(scene: Scene) -> Plan:
+def planned(scene: Scene, intervals: int = 16) -> Plan:
     """A plan that verification, and a sampling of its own, find inside the tube."""
-    found = deltaopt.plan(scene)
+    found = deltaopt.plan(scene, intervals=intervals)
     report = deltaopt.verify(scene, found.trajectory)
     assert report.ok, report.failures()
     assert found.within_tolerance
@@ -134,8 +134,9 @@ def test_verification_sees_a_nanometre():
 
 def test_kept_where_two_places_are_equally_near():
     """This motion turns sharply out of a corner of its tube: there the nearest place leaps from
-    one leg of the path to the next, and the distance has a kink between all samples."""
-    planned(move(3, 306).scene)
+    one leg of the path to the next, and the distance has a kink between all samples. There are
+    minima beside each other, and from 16 intervals last bits decide which of them is found."""
+    planned(move(3, 306).scene, intervals=20)
 
 
 def test_a_way_is_found_where_the_path_itself_leaves_the_workspace():
