@@ -6,7 +6,7 @@ whose lanes are four points: a processor with AVX evaluates four points in the t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
@@ -92,21 +92,27 @@ def c_function(function: ca.Function, name: str, *, shared_reciprocals: bool = F
         for k in part:
             values = [f"v{j}" if j in part else kept[j] for j in operands[k]]
             lines += _instruction(function, k, values, reciprocals.get(k))
-            lines += [f"  {kept[k]} = v{k};"] if k in kept else []
-        bodies.append("\n".join(lines))
+            lines += [f"{kept[k]} = v{k};"] if k in kept else []
+        bodies.append(lines)
     if len(bodies) == 1:
-        return _text(name, arguments, bodies[0])
-    texts, calls = [], [f"  V w[{max(len(kept), 1)}];"]
-    for i, body in enumerate(bodies):
+        return c_text(_head(name, arguments), bodies[0])
+    texts, calls = [], [f"V w[{max(len(kept), 1)}];"]
+    for i, lines in enumerate(bodies):
+        body = "\n".join(lines)
         used = {k: v for k, v in {**arguments, "w": "V *"}.items() if f"{k}[" in body}
-        texts.append(_text(f"{name}_part_{i}", used, body))
-        calls.append(f"  {name}_part_{i}({', '.join(used)});")
-    return "".join(texts) + _text(name, arguments, "\n".join(calls))
+        texts.append(c_text(_head(f"{name}_part_{i}", used), lines))
+        calls.append(f"{name}_part_{i}({', '.join(used)});")
+    return "".join(texts) + c_text(_head(name, arguments), calls)
 
 
-def _text(name: str, arguments: Mapping[str, str], body: str) -> str:
-    given = ", ".join(f"{kind}{argument}" for argument, kind in arguments.items())
-    return f"static void {name}({given}) {{\n{body}\n}}\n"
+def c_text(head: str, lines: Sequence[str]) -> str:
+    """C source of ``static void head`` with these lines."""
+    body = "\n".join(f"  {line}" for line in lines)
+    return f"static void {head} {{\n{body}\n}}\n"
+
+
+def _head(name: str, arguments: Mapping[str, str]) -> str:
+    return f"{name}({', '.join(kind + argument for argument, kind in arguments.items())})"
 
 
 def _operands(function: ca.Function) -> list[tuple[int, ...]]:
@@ -139,14 +145,14 @@ def _instruction(function: ca.Function, k: int, values: list[str], first: int | 
     operation, to = function.instruction_id(k), function.instruction_output(k)
     if operation == ca.OP_INPUT:
         by = function.instruction_input(k)
-        return [f"  const V v{k} = x{by[0]}[{by[1]}];"]
+        return [f"const V v{k} = x{by[0]}[{by[1]}];"]
     if operation == ca.OP_OUTPUT:
-        return [f"  r{to[0]}[{to[1]}] = {values[0]};"]
+        return [f"r{to[0]}[{to[1]}] = {values[0]};"]
     if operation == ca.OP_CONST:
-        return [f"  const V v{k} = ALL({function.instruction_constant(k)!r});"]
+        return [f"const V v{k} = ALL({function.instruction_constant(k)!r});"]
     if first is not None:
-        inverted = [f"  const V i{k} = 1 / {values[1]};"] if k == first else []
-        return [*inverted, f"  const V v{k} = {values[0]} * i{first};"]
+        inverted = [f"const V i{k} = 1 / {values[1]};"] if k == first else []
+        return [*inverted, f"const V v{k} = {values[0]} * i{first};"]
     if operation not in _C:
         raise DeltaOptError(f"operation {operation} of {function.name()} has no C text")
-    return [f"  const V v{k} = {_C[operation].format(*values)};"]
+    return [f"const V v{k} = {_C[operation].format(*values)};"]

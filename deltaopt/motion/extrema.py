@@ -192,6 +192,7 @@ def _bottoms(
         places = np.concatenate([bottom - step, bottom, bottom + step])
         values = curves(np.tile(interval, 3), places)
         left, middle, right = values[np.arange(3 * n), np.tile(function, 3)].reshape(3, n)
+        # Less curvature than rounding is none: the quotients below would overflow.
         rounding = np.finfo(float).eps * (np.abs(left) + np.abs(right)) + np.finfo(float).tiny
         curvature = np.maximum(left - 2 * middle + right, rounding)
         least_offset = np.where(bottom <= step, -np.inf, -1.0)

@@ -6,7 +6,7 @@ it alone. Sources propose attempts one after the other, and see what came of tho
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain
@@ -253,11 +253,15 @@ def _in_order(so_far: Outcomes, coarsest: int) -> Iterator[Attempt]:
                 possible.append(attempt)
                 yield attempt
         if not so_far.plans:
-            away = (attempt.away for attempt in possible[begun : begun + _KEPT_AWAY])
-            yield from (attempt for attempt in away if attempt)
+            yield from _away(possible[begun:])
     possible.sort(key=lambda attempt: attempt.motion.duration)
     for factor in _FINER:
         yield from finer(possible[:_TRIED_FINER], factor)
+
+
+def _away(attempts: Sequence[Attempt]) -> Iterator[Attempt]:
+    """Some of these attempts again, away from the parallel singularity."""
+    return filter(None, (attempt.away for attempt in attempts[:_KEPT_AWAY]))
 
 
 def until_good(so_far: Outcomes, coarsest: int, proposals: Iterator[Proposal]) -> Iterator[Attempt]:
@@ -273,8 +277,8 @@ def until_good(so_far: Outcomes, coarsest: int, proposals: Iterator[Proposal]) -
         yield tried[-1]
         if so_far.is_good:
             return
-    away = [] if so_far.plans else [attempt.away for attempt in tried[:_KEPT_AWAY]]
-    for attempt in chain(filter(None, away), finer(tried, _FINER[0])):
+    away = () if so_far.plans else _away(tried)
+    for attempt in chain(away, finer(tried, _FINER[0])):
         yield attempt
         if so_far.is_good:
             return

@@ -61,8 +61,9 @@ than the ones before, which tells nothing: loose tolerances were missed, though 
 met in less time."""
 _SOLVER_MARGIN, _LOOSEST_TOLERANCE = 300.0, 1e-4
 """The solver's relative tolerance on a mesh: the gap of the mesh before divided by the first, at
-most the second; a third of the plan's tolerance if that is looser. A tighter one costs iterations,
-a looser one hides the error of the mesh behind the solver's."""
+most the second; a third of the plan's tolerance if that is looser, and half as much, a third as
+much, … on a mesh that is solved again, for what the solver left may be why. A tighter one costs
+iterations, a looser one hides the error of the mesh behind the solver's."""
 _LOOSER, _LOOSER_PAST_FACES = 3.0, 30.0
 """A plan's tolerance over the solver's at its tightest. Where phases meet on edges, the instant at
 which they do so is a flat optimum, in which the solver leaves up to what it is allowed to."""
@@ -150,9 +151,7 @@ class Refinement:
                 self.report(f"{len(last.mesh)} intervals: no finer mesh is known to be worth it")
                 break
             looser = self.tolerance / (_LOOSER if faces is None else _LOOSER_PAST_FACES)
-            looser /= (
-                1 + self._repeats
-            )  # what it leaves may be what keeps a mesh from its tolerance
+            looser /= 1 + self._repeats
             accuracy = max(looser, min(gap / _SOLVER_MARGIN, _LOOSEST_TOLERANCE))
             try:
                 self._solve(mesh, Guess(last.trajectory, near=True, tolerance=accuracy), scaling)

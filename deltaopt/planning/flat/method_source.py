@@ -12,7 +12,7 @@ from importlib.resources import files
 
 import casadi as ca
 
-from deltaopt.codegen.simd_c import LANES, VECTOR, c_function
+from deltaopt.codegen.simd_c import LANES, VECTOR, c_function, c_text
 from deltaopt.limits.constraints import Alike
 from deltaopt.planning.flat.point_problem import Entries, PointProblem, dense_function
 
@@ -69,8 +69,8 @@ def source(problem: PointProblem, points: int) -> str:
                 for loop in loops
                 for function in loop.functions
             ),
-            _text("prepare(const V *p, V *q)", ["prepare_others(p, q);", *prepare]),
-            _text(
+            c_text("prepare(const V *p, V *q)", ["prepare_others(p, q);", *prepare]),
+            c_text(
                 "values(const V *y, const V *q, const double *s, V *c, V *g, V *e)",
                 ["values_of_others(y, q, c, g, e);", *values],
             ),
@@ -190,18 +190,18 @@ def _with_torques_eliminated(
     lines += [f"{H[place]} = {_sum(twice[place])};" for place in H]
     lines += [loop.slopes(C, problem.coordinates) for loop in loops]
     head = "second(const V *y, const V *e, const V *w, const V *q, const double *s, V *C, V *H)"
-    return C, H, _text(head, lines)
+    return C, H, c_text(head, lines)
 
 
 def _products_with_rows(C: Entries, H: Entries, ny: int) -> Iterator[str]:
     """C functions of products with the derivatives of the rows by y: see ``problem.c``."""
     depend = [sorted(r for r, a in C if a == b) for b in range(ny)]
     lines = [f"{entry} *= s[{r}];" for (r, _), entry in C.items()]
-    yield _text("scale_rows(V *C, const double *s)", lines)
+    yield c_text("scale_rows(V *C, const double *s)", lines)
     lines = [f"dc[{r}] += {entry} * dy[{a}];" for (r, a), entry in C.items()]
-    yield _text("along_rows(const V *C, const V *dy, V *dc)", lines)
+    yield c_text("along_rows(const V *C, const V *dy, V *dc)", lines)
     lines = [f"m[{a}] = {_sum([f'{C[r, a]} * q[{r}]' for r in depend[a]])};" for a in range(ny)]
-    yield _text("across_rows(const V *C, const V *q, V *m)", lines)
+    yield c_text("across_rows(const V *C, const V *q, V *m)", lines)
     lines = ["V q[NC];"]
     for b in range(ny):
         lines += [f"q[{r}] = s[{r}] * {C[r, b]};" for r in depend[b]]
@@ -210,7 +210,7 @@ def _products_with_rows(C: Entries, H: Entries, ny: int) -> Iterator[str]:
             terms += [f"q[{r}] * {C[r, a]}" for r in depend[b] if r in depend[a]]
             twin = f"S[{b}][{a}] = " if a < b else ""
             lines.append(f"{twin}S[{a}][{b}] = {_sum(terms)};")
-    yield _text("curvature_of_rows(const V *C, const V *H, const V *s, V (*S)[NY])", lines)
+    yield c_text("curvature_of_rows(const V *C, const V *H, const V *s, V (*S)[NY])", lines)
 
 
 Terms = dict[tuple[int, int], list[str]]
@@ -252,8 +252,3 @@ def _transposed(A: Entries) -> Entries:
 
 def _sum(terms: Sequence[str]) -> str:
     return " + ".join("ALL(1.0)" if term == "1" else term for term in terms) or "ALL(0.0)"
-
-
-def _text(head: str, lines: Sequence[str]) -> str:
-    body = "\n".join(f"  {line}" for line in lines)
-    return f"static void {head} {{\n{body}\n}}\n"

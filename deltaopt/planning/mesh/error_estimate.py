@@ -50,8 +50,8 @@ one makes the reported gap safer and plans slower."""
 _TIGHTENED, _BESIDE_FRICTION = 4e-3, 4e-4
 """Length of an interval, as a fraction of the duration, up to which an exceeded limit is tightened
 there instead of the interval being split. Tightening in longer intervals would cost more time. The
-second where rates of torques are limited and friction changes its sign within them: no tightening
-at the points helps against a rate that peaks between two of them."""
+second where rates of torques are limited and Coulomb friction changes its sign: no tightening at
+the points of an interval helps against a rate that peaks between two of them."""
 _SHORTEST, _USUAL = 1e-4, 16.0
 """Shortest interval, as a fraction of the duration, for accelerations up to the second, a
 motion's extent per square of its duration. Accelerations are second differences of the positions at
@@ -165,7 +165,7 @@ def shortest_intervals(motion: Trajectory, together: int = 1) -> Array:
 def longest_tightened(problem: Problem) -> float:
     """Length of an interval, as a fraction of the duration, up to which limits that are exceeded
     between its points are tightened at these; longer ones are split."""
-    has_peaks = problem.model.layers and problem.limits.constraints.has_torque_rates
+    has_peaks = problem.limits.constraints.has_torque_rates and problem.model.layers
     return _BESIDE_FRICTION if has_peaks else _TIGHTENED
 
 
