@@ -79,12 +79,8 @@ class PiecewisePolynomial:
     def with_rate_at(self, t: Array) -> tuple[Array, Array]:
         """Values and their derivatives, (N, m) each, at parameters (N,)."""
         intervals = self.interval(t)
-        since = (t - self.knots[intervals])[:, None]
-        values = rates = np.zeros((len(t), self.coefficients.shape[2]))
-        for power in reversed(range(self.coefficients.shape[1])):  # Horner, differentiated
-            rates = rates * since + values
-            values = values * since + self.coefficients[intervals, power]
-        return values, rates
+        since = t - self.knots[intervals]
+        return self.inside(intervals, since), self.inside(intervals, since, 1)
 
     def after(self, t: float) -> PiecewisePolynomial:
         """What follows a parameter ``t`` between the first knot and the last, from 0 on."""
@@ -119,11 +115,15 @@ class PiecewisePolynomial:
     def inside(self, intervals: Index, since: Array, order: int = 0) -> Array:
         """Values or derivatives of an order, (N, m), in given pieces, (N,), at what the parameter
         has grown by since they began, (N,)."""
-        values = np.zeros((len(since), self.coefficients.shape[2]))
-        if order < len(self._derivatives):
-            coefficients = self._derivatives[order]
-            for power in reversed(range(coefficients.shape[1])):  # Horner
-                values = values * since[:, None] + coefficients[intervals, power]
+        m = self.coefficients.shape[2]
+        if order >= len(self._derivatives):
+            return np.zeros((len(since), m))
+        factor = np.repeat(since, m).reshape(-1, m)  # faster than to broadcast over so few columns
+        *lower, values = self._derivatives[order].swapaxes(0, 1)
+        values = values.take(intervals, axis=0)
+        for coefficient in reversed(lower):  # Horner
+            values *= factor
+            values += coefficient.take(intervals, axis=0)
         return values
 
     @classmethod

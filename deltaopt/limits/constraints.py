@@ -61,6 +61,14 @@ class Constraints:
     motors: int = 3
     cost: Running = Running.EFFORT
 
+    def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        """Computed once: caches look constraints up often."""
+        return hash((self.items, self.motors, self.cost))
+
     @property
     def limits(self) -> tuple[Limit, ...]:
         """The limit of each item, in the order of the rows."""

@@ -8,12 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, reduce
 from math import dist, hypot
 
+import casadi as ca
 import numpy as np
 
+from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial
+from deltaopt.limits.solid_distance import larger
+from deltaopt.mechanisms.functions import Functions
 from deltaopt.motion.links import planned_distances
 from deltaopt.motion.sure_bounds import signed_distances, sure_excess
 from deltaopt.motion.trajectory import Trajectory
@@ -42,14 +46,14 @@ _TOUCHED = 1e-6
 """Share of a limit by which a piece that slides along a body may seem to be inside of it."""
 _LITTLE = 2 * MARGIN
 """Of the way: a shift that leaves a path about where it is."""
-_SHARES, _BESIDE = (0.25, 0.5, 1.0), 4
+_SHARES, _BESIDE = np.array([[0.25], [0.5], [1.0]]), 4
 """Of that shift, which are tried, and of how many samples to both sides: of so many that a path
 which leads through a plate at an angle still does when they are shifted."""
 _NEAR = 0.1
 """Of the way: bodies that a path comes nearer to are named."""
-_ALIGNED, _BACK, _SMALL = 0.03, 3, 1e-6
-"""Squared sine of the angle between arm and bars that bands keep, if start and goal do; how many
-steps at once bring them back to it; and of the way, a difference by which its slope is found."""
+_ALIGNED, _BACK = 0.03, 3
+"""Squared sine of the angle between arm and bars that bands keep, if start and goal do, and how
+many steps at once bring them back to it."""
 _IN_WORDS = {
     -1: "above",
     1: "below",
@@ -156,17 +160,16 @@ class Bodies:
     def in_reach(self, places: Array) -> Array:
         """Places, (…, 3), m, moved as little as it takes for arms and bars to be no more in line
         than ``_ALIGNED``, or than at an end, as far as the first derivative tells."""
-        found, small = places.reshape(-1, 3), _SMALL * self.way
-        alignments = problem_of(self.scene).model.alignments
+        found, model = places.reshape(-1, 3), problem_of(self.scene).model
+        which, nearest = np.arange(len(found)), _nearest_to_line(model.functions)
         for _ in range(_BACK):
-            short = self._aligned - alignments(found)
-            out = short.max(axis=1) > 0
+            least, slope = nearest(found[which], parameters=model.parameters)
+            short = self._aligned - least
+            out = short[:, 0] > 0
             if not out.any():
                 break
-            x, short = found[out], short[out].max(axis=1, keepdims=True)
-            beside = [alignments(x + step).min(axis=1) for step in np.diag([small] * 3)]
-            slope = (np.stack(beside, axis=1) - (self._aligned - short)) / small
-            found[out] = x + short * slope / (slope**2).sum(axis=1, keepdims=True)
+            which, short, slope = which[out], short[out], slope[out]
+            found[which] += short * slope / (slope**2).sum(axis=1, keepdims=True)
         return found.reshape(places.shape)
 
     @cached_property
@@ -255,19 +258,15 @@ class Bodies:
         pierced = self.pierced(band, distance)
         inside = {(k + 1, body) for k, body in np.argwhere(room[1:-1] < 0).tolist()}
         inside |= {(k, body) for k, body in enumerate(pierced.tolist()) if body >= 0}
-        shifts = self.way * _LITTLE * sides_of(band[-1] - band[0])
-        for k, body in inside:
-            piece = band[max(0, k - _BESIDE) : k + 1 + _BESIDE]
-            shifted = (piece + share * shift for shift in shifts for share in _SHARES)
-            if not any(self._leads_past(each, body) for each in shifted):
-                return False
-        return True
+        shifts = self.way * _LITTLE * np.kron(_SHARES, sides_of(band[-1] - band[0]))[:, None]
+        near = ((band[max(0, k - _BESIDE) : k + 1 + _BESIDE], body) for k, body in inside)
+        return all(self._any_leads_past(piece + shifts, body) for piece, body in near)
 
-    def _leads_past(self, piece: Array, body: int) -> bool:
-        distance, _ = self.distances(piece)
-        if (distance[:, body] < self.kept[body]).any():
-            return False
-        return not (self.pierced(piece, distance) == body).any()
+    def _any_leads_past(self, pieces: Array, body: int) -> bool:
+        """Whether any of some pieces of bands, (W, n, 3), is clear of a body."""
+        distance = self.distances(pieces.reshape(-1, 3))[0].reshape(*pieces.shape[:2], -1)
+        past = (distance[..., body] >= self.kept[body]).all(axis=1)
+        return bool((self.pierced(pieces[past], distance[past]) != body).all(axis=1).any())
 
     def sides(self, band: Array) -> tuple[str, ...]:
         """On which sides a band passes the bodies that it comes near, in order of time:
@@ -329,6 +328,16 @@ def clear_bands(bodies: Bodies, base: Array) -> Iterator[Array]:
                 yield bowed[k]
             else:
                 front.append((bowed[k], hit))
+
+
+@lru_cache(maxsize=32)
+def _nearest_to_line(functions: Functions) -> RowFunction:
+    """(x, p) -> the least squared sine of the angles between arms and bars, 1, and its derivative
+    by the place, 3."""
+    x, p = ca.SX.sym("x", 3), functions.symbols()
+    least = -reduce(larger, ca.vertsplit(-functions.serial_distances(x, p)[3:]))
+    outputs = [least, ca.densify(ca.gradient(least, x))]
+    return RowFunction(ca.Function("nearest_to_line", [x, p], outputs, {"cse": True}))
 
 
 @lru_cache(maxsize=64)

@@ -54,7 +54,7 @@ def kept(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshS
     dear = max(1.0, solution.price_of_limits / _DEAR)
     last, accuracy = solution, max(_SOLVER_SHARE * tolerance / dear, _FINEST)
     for attempt in range(1, _MOST + 1):
-        sizes = last.scaling.constraints.size(last.rows).max(axis=1)
+        sizes = last.sizes.max(axis=1)
         excess = np.maximum(sizes - 1, 0.0)
         if excess.max() <= KEPT:
             peaks = highest_rows(last.problem, last.trajectory)

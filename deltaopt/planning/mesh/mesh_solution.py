@@ -221,7 +221,7 @@ class MeshSolution:
         fraction of the cost."""
         rows = time_costing_rows(self.scaling.constraints)
         prices = np.abs(self.solution.multipliers[:, :, rows]).sum(axis=(0, 1))
-        excess = self.scaling.constraints.size(self.rows).max(axis=1)[:, rows] - 1
+        excess = self.sizes.max(axis=1)[:, rows] - 1
         return np.asarray(np.maximum(excess, 0.0) @ np.maximum(prices, _CHEAPEST))
 
     def with_sure_bounds(self) -> MeshSolution:
@@ -234,7 +234,7 @@ class MeshSolution:
         """
         excess = sure_excess(self.problem, self.trajectory.position)
         constraints, limits = self.scaling.constraints, self.scaling.limits
-        size = constraints.size(self.rows)[:, :, constraints.convex]
+        size = self.sizes[:, :, constraints.convex]
         apart = points_apart(self.problem, self.trajectory, self.mesh)[:, None]
         sharp = apart / np.maximum(limits.edge_radii, apart)
         bulges = bulge(self.program.points, size, size.max(axis=1))
@@ -242,15 +242,19 @@ class MeshSolution:
         lost = self._price_of_places * left
         at_bodies = lost.sum(axis=1)
         priced = self._with_unused(at_bodies)
-        priced = replace(priced, lost=replace(priced.lost, at_bodies=at_bodies))
-        priced = replace(priced, beside=lost.sum(axis=0))
-        return replace(priced, needed=self.needed.beside(float(excess.max())), excess=excess)
+        return replace(
+            priced,
+            lost=replace(priced.lost, at_bodies=at_bodies),
+            needed=self.needed.beside(float(excess.max())),
+            excess=excess,
+            beside=lost.sum(axis=0),
+        )
 
     def with_price_of_sliding(self) -> MeshSolution:
         """This solution with what it costs that limits that motions slide along were not used up:
         the multiplier at each point times what is left there."""
         rows, at_points = self.scaling.constraints.slid_along, samples_at(self.program.points)
-        size = self.scaling.constraints.size(self.rows)[:, at_points][:, :, rows]
+        size = self.sizes[:, at_points][:, :, rows]
         price = np.abs(self.solution.multipliers[:, :, rows])
         return self._with_unused((price * np.maximum(1 - size, 0.0)).sum(axis=(1, 2)))
 
@@ -297,7 +301,7 @@ class MeshSolution:
         if not convex.any():
             return np.zeros(0)
         pays = self._pays
-        size = self.scaling.constraints.size(self.rows)[:, :, convex]
+        size = self.sizes[:, :, convex]
         begin = np.cumsum(self.mesh) - self.mesh
         times = (begin[:, None] + self.mesh[:, None] * FRACTIONS).ravel()
         found = []
@@ -344,6 +348,11 @@ class MeshSolution:
         return rows
 
     @cached_property
+    def sizes(self) -> Array:
+        """How near these rows are to the nearer of their bounds, 1 at a bound, of the same shape."""
+        return self.scaling.constraints.size(self.rows)
+
+    @cached_property
     def own_gap(self) -> float:
         """Estimated optimality gap of the motion, by this mesh alone."""
         return float(self.lost.exceeded.max()) + SAFETY_FACTOR * self.to_be_gained
@@ -376,7 +385,7 @@ class MeshSolution:
         """
         constraints = self.scaling.constraints
         places, others = constraints.of_place & ~constraints.convex, time_costing_rows(constraints)
-        shares, size = self.scaling.shares(len(self.mesh)), constraints.size(self.rows)
+        shares, size = self.scaling.shares(len(self.mesh)), self.sizes
         cannot_slow = not self.problem.may_be_slowed and self.own_gap < _NEARLY_LAST
         soon = cannot_slow or self._is_held(shares[:, others])
         anywhere = places | others if soon else places
