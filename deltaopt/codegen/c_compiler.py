@@ -60,7 +60,7 @@ EXTRA = "pip install 'deltaopt[compiler]'"
 
 _NAMES = () if os.name == "nt" else ("gcc", "cc", "clang")
 _LONGEST = 300.0
-"""s; the largest source takes some 20 s. A compiler that takes longer hangs, and is stopped."""
+"""s; the largest source takes some 10 s. A compiler that takes longer hangs, and is stopped."""
 _SOON = 1.0
 """s; a compiler that takes longer is worth a word to who waits for it."""
 

@@ -27,6 +27,7 @@ import platformdirs
 
 from deltaopt.codegen.c_compiler import EXTRA, Compiler, compilers
 from deltaopt.codegen.library_file import intact, put
+from deltaopt.codegen.long_functions import in_parts
 from deltaopt.codegen.prebuilt import FOLDER, carried, level_of
 from deltaopt.files.output_folder import locked
 
@@ -201,7 +202,7 @@ def in_machine_code(functions: Sequence[ca.Function]) -> list[ca.Function] | Non
     generator = ca.CodeGenerator("functions.c")
     for function in functions:
         generator.add(function)
-    built = library(generator.dump())
+    built = library(in_parts(generator.dump()))
     if built is None:
         return None
     return [ca.external(function.name(), str(built)) for function in functions]

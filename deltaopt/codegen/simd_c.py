@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
+from deltaopt.codegen.long_functions import PART
 from deltaopt.codegen.vector_math import VECTOR_MATH
 from deltaopt.errors import DeltaOptError
 
@@ -67,11 +68,6 @@ _C = {
 }
 
 
-_PART = 500
-"""Operations of a part of a function. A compiler looks at all values of a function at once for each
-register that it lacks: in parts the longest functions compile in a quarter of the time."""
-
-
 def c_function(function: ca.Function, name: str, *, shared_reciprocals: bool = False) -> str:
     """C source of ``static void name(const V *x0, …, V *r0, …)`` for a CasADi function.
 
@@ -82,7 +78,7 @@ def c_function(function: ca.Function, name: str, *, shared_reciprocals: bool = F
     arguments = {f"x{i}": "const V *" for i in range(function.n_in())}
     arguments |= {f"r{i}": "V *" for i in range(function.n_out())}
     number, operands = function.n_instructions(), _operands(function)
-    parts = [range(k, min(k + _PART, number)) for k in range(0, number, _PART)]
+    parts = [range(k, min(k + PART, number)) for k in range(0, number, PART)]
     used_later = (j for part in parts for k in part for j in operands[k] if j < part.start)
     kept = {j: f"w[{place}]" for place, j in enumerate(dict.fromkeys(used_later))}
     bodies = []

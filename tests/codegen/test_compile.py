@@ -8,12 +8,14 @@ import subprocess
 import sys
 import time
 
+import casadi as ca
+import numpy as np
 import pytest
 
 from deltaopt.codegen import c_compiler
 from deltaopt.codegen import compile as compiling
 from deltaopt.codegen.c_compiler import Compiler, compiler
-from deltaopt.codegen.compile import CACHE, describe, library
+from deltaopt.codegen.compile import CACHE, compiled, describe, library, recording
 
 SOURCE = "int answer(void) { return 42; }\n"
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
@@ -241,3 +243,27 @@ def test_processes_that_need_the_same_library_at_once_compile_it_once(tmp_path, 
     several = [subprocess.Popen([sys.executable, "-c", code, SOURCE]) for _ in range(3)]
     assert [each.wait(60) for each in several] == [0, 0, 0]
     assert built.read_text() == "\n"
+
+
+@needs_compiler
+def test_a_long_function_of_casadi_is_compiled_in_parts():
+    """Some 9000 operations, whose values are used long after they are known."""
+    x, p = ca.SX.sym("x", 3), ca.SX.sym("p", 2)
+    first, value, results = 2 + ca.sin(x[0]), x[1], []
+    for k in range(900):
+        value = ca.sin(value * p[k % 2] / 9 + x[2] / first) + (value - first) ** 2 / (3 + first)
+        results += [value / first] if k % 100 == 0 else []
+    much = ca.Function("much", [x, p], [ca.vertcat(*results), value])
+    little = ca.Function("little", [x], [ca.sin(x)])
+    with recording() as asked:
+        compiled([much, little])
+    (source,) = asked
+    assert much.n_instructions() > 5000
+    assert max(text.count("\n") for text in source.split("\n}\n")) < 600
+    found = compiled([much, little])
+    points = np.random.default_rng(1).uniform(0.1, 1.0, (5, 3))
+    for expected, machine in zip((much, little), found, strict=True):
+        assert machine.is_a("External")
+        given = [points.T, [0.7, 1.1]][: expected.n_in()]
+        for known, result in zip(expected.call(given), machine.call(given), strict=True):
+            np.testing.assert_allclose(result.full(), known.full(), rtol=1e-12)
