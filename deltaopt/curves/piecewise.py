@@ -119,8 +119,8 @@ class PiecewisePolynomial:
         if order >= len(self._derivatives):
             return np.zeros((len(since), m))
         factor = np.repeat(since, m).reshape(-1, m)  # faster than to broadcast over so few columns
-        *lower, values = self._derivatives[order].swapaxes(0, 1)
-        values = values.take(intervals, axis=0)
+        *lower, highest = self._derivatives[order].swapaxes(0, 1)
+        values: Array = highest.take(intervals, axis=0)
         for coefficient in reversed(lower):  # Horner
             values *= factor
             values += coefficient.take(intervals, axis=0)

@@ -176,7 +176,7 @@ class LoadsOfMotion:
 
     def __call__(self, intervals: Index, fractions: Array) -> Loads:
         since = (self.lengths[intervals] * fractions)[:, None]
-        return self._at(self.coefficients[intervals], since)
+        return self._at(self.coefficients.take(intervals, axis=0), since)
 
     def of_polynomials(self, coefficients: Array) -> Loads:
         """Loads of polynomials with these ascending coefficients, (N, 3 · powers), at time 0."""

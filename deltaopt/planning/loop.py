@@ -219,8 +219,8 @@ class Loop:
             return self.improved(scene, found)
 
     def improved(self, scene: Scene, found: Plan) -> Plan:
-        """A plan that begins with the motion of another, on the mesh of that, as often as this
-        makes it better; the other one where that is not possible. A mesh whose knots are where
+        """A plan that begins with the motion of another, on twice the mesh of that, as often as
+        this makes it better; the other one where that is not possible. A mesh whose knots are where
         bodies are passed closely does not lead through them."""
         for _ in range(_IMPROVED):
             better = self.made(on_its_mesh(scene, found.trajectory))

@@ -105,7 +105,8 @@ class Refinement:
     ``tolerance``: relative optimality gap to reach. ``resolver``: resolves the instants of
     switching; None if they are not to be resolved. ``report``: is called with a line of text after
     every mesh. ``most``: duration (s) of a motion that is known; where no estimate lets hope for
-    less, refinement ends. ``solutions`` and ``iterations``: of the meshes so far, one each.
+    less, refinement ends. ``leads_past``: whether a motion leads through no body, though it may cut
+    corners. ``solutions`` and ``iterations``: of the meshes so far, one each.
     """
 
     program: Formulated
@@ -114,6 +115,7 @@ class Refinement:
     resolver: SwitchResolver | None
     report: Progress
     most: float = inf
+    leads_past: Callable[[Trajectory], bool] = lambda _: True
     solutions: list[MeshSolution] = field(default_factory=list, init=False)
     iterations: list[Iteration] = field(default_factory=list, init=False)
     _coarse_left: int = field(default=_MOST_DETECTIONS, init=False)
@@ -199,7 +201,14 @@ class Refinement:
 
     def _solve(self, mesh: Array, guess: Guess, scaling: Scaling) -> None:
         scaling = replace(scaling, softening=self._softening(guess))
-        self.solutions.append(solve_on_mesh(self.program(mesh), scaling, guess))
+        found = solve_on_mesh(self.program(mesh), scaling, guess)
+        if not (found.needed.keeps_places or self.leads_past(found.trajectory)):
+            raise NotConverged(
+                f"on {len(mesh)} intervals it leads through a body",
+                found.status,
+                found.trajectory,
+            )
+        self.solutions.append(found)
         self.iterations.append(iteration_of(self.solutions))
         if self._within_tolerance and self.scaling.problem.may_be_slowed:
             # So far limits were checked at samples: now at all instants.

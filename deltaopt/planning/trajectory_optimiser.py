@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import inf, isinf
 from typing import TYPE_CHECKING
 
@@ -32,6 +32,7 @@ from deltaopt.planning.effort_planning import (
     led_to_its_ends,
     require_possible,
 )
+from deltaopt.planning.first_motions.around_bodies import leads_past
 from deltaopt.planning.first_motions.order_of_merit import (
     CrossesSingularity,
     crosses_singularity,
@@ -153,6 +154,7 @@ class TrajectoryOptimiser:
             self._resolver(scaling, report),
             report,
             attempt.most,
+            partial(leads_past, scene),
         )
         resolved = refinement.from_guess(guess, mesh)
         solutions, iterations = refinement.solutions, refinement.iterations

@@ -17,6 +17,7 @@ from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.verification import verify
 from studies.bench.statics import Statics
+from studies.sampling.scenes import scene_of
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 CROSS = load_scene(PROBLEMS / "paths" / "industrial_25_305_25.yaml").model_copy(
@@ -216,6 +217,12 @@ def test_through_a_window_the_gap_is_known():
     """It leaves 3 mm beside the tool. Through the corners of a path of lines it took 0.2107 s."""
     found = planned(load_scene(Path(__file__).parents[1] / "data" / "bodies" / "window.yaml"))
     assert found.duration < 0.208
+
+
+def test_past_a_plate_that_meshes_lead_through():
+    """It is a millimetre thick: points of a mesh lie on both of its sides. The plan took 0.2527 s,
+    with a gap of 5.6e-3."""
+    assert planned(scene_of(CROSS.robot, "wall", 6, 9)).duration < 0.2524
 
 
 def test_reasons():

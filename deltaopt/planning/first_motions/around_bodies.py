@@ -188,6 +188,12 @@ def is_clear(scene: Scene, motion: Trajectory) -> bool:
     return not planned or bool((least_rooms(scene, motion, pairs=planned) >= 0).all())
 
 
+def leads_past(scene: Scene, motion: Trajectory) -> bool:
+    """Whether a motion leads through no body, though it may cut corners."""
+    bodies, path = Bodies.along(scene, motion)
+    return bodies.is_nearly_clear(path)
+
+
 def driven(scene: Scene, band: Array) -> Trajectory | None:
     """The motion along a band, as fast as the limits roughly allow; None where it is not possible
     or not clear of bodies between the samples."""

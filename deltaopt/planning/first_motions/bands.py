@@ -46,7 +46,7 @@ _TOUCHED = 1e-6
 """Share of a limit by which a piece that slides along a body may seem to be inside of it."""
 _LITTLE = 2 * MARGIN
 """Of the way: a shift that leaves a path about where it is."""
-_SHARES, _BESIDE = np.array([[0.25], [0.5], [1.0]]), 4
+_SHARES, _BESIDE = np.geomspace(1 / 64, 1.0, 7)[:, None], 4
 """Of that shift, which are tried, and of how many samples to both sides: of so many that a path
 which leads through a plate at an angle still does when they are shifted."""
 _NEAR = 0.1
@@ -386,7 +386,7 @@ def pulled(band: Array, first: int, last: int, shift: Array) -> Array:
 
 def sampled(motion: Trajectory) -> Array:
     """Places of a motion at equal distances along its path, (n, 3), m."""
-    u = np.linspace(motion.knots[0], motion.knots[-1], 8 * _SAMPLES + 1)
+    u = np.linspace(motion.knots[0], motion.knots[-1], 4 * _SAMPLES + 1)
     return resampled(motion.position.at(u))
 
 

@@ -106,9 +106,10 @@ def _passed(bodies: Bodies, paths: Array) -> tuple[Index, Array]:
 def _fastest_of_each(passed: Index, taking: Array) -> Index:
     """Of paths past bodies on the same sides, (bows, rows), the one that takes least, (bows,): the
     numbers of these, the fastest first."""
-    order = np.argsort(taking, kind="stable")
-    _, first = np.unique(passed[order], axis=0, return_index=True)
-    return np.asarray(order[np.sort(first)])
+    first = dict[bytes, int]()
+    for k in np.argsort(taking, kind="stable").tolist():
+        first.setdefault(passed[k].tobytes(), k)
+    return np.array(list(first.values()))
 
 
 def _are_possible(bodies: Bodies, paths: Array) -> Truths:

@@ -349,7 +349,7 @@ class MeshSolution:
 
     @cached_property
     def sizes(self) -> Array:
-        """How near these rows are to the nearer of their bounds, 1 at a bound, of the same shape."""
+        """How near these rows are to the nearer of their bounds, 1 at a bound."""
         return self.scaling.constraints.size(self.rows)
 
     @cached_property

@@ -89,8 +89,8 @@ class Guess:
     ``rows``: to which share of their bounds the limits are met; None for ``tolerance``.
     ``multipliers``: as of `Solved`, where the motion solves the problem on this very mesh but for
     limits that were moved by a little; None on another mesh.
-    ``on_its_mesh``: whether the motion's knots are those of this mesh; through a passage that is
-    narrower than the spacing of knots elsewhere a solution must not go far from it.
+    ``on_its_mesh``: whether the motion's knots are among those of this mesh; through a passage that
+    is narrower than the spacing of knots elsewhere a solution must not go far from it.
     ``is_trial``: whether others are tried beside it, or a plan is known.
     """
 

@@ -25,11 +25,12 @@ from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.first_motions.around_bodies import (
     Way,
     driven,
+    leads_past,
     name_of_way,
     no_way,
     ways_around,
 )
-from deltaopt.planning.first_motions.bands import Bodies, least_distances, sampled
+from deltaopt.planning.first_motions.bands import least_distances, sampled
 from deltaopt.planning.first_motions.moving_ends import end_of, from_state_to_state, start_of
 from deltaopt.planning.plan import Plan, TakenWay, quicker
 from deltaopt.planning.refinement import Slower
@@ -306,8 +307,7 @@ class _Trial:
             attempt, motion = _on_mesh(scene, attempt, on_first_mesh)
             if motion is None or motion.duration > self.longest:
                 continue
-            bodies, path = Bodies.along(attempt.scene, motion)
-            if bodies.is_nearly_clear(path):
+            if leads_past(attempt.scene, motion):
                 return replace(self, attempt=attempt, motion=motion, is_solved=True)
         return replace(self, attempt=replace(self.attempt, scene=attempt.scene))
 
