@@ -63,7 +63,7 @@ _FOR_TRIAL = (TRIAL, _SAFEST, NEAR)
 """Settings to begin with, in order. Of first motions of 320 ways past bodies the trial's setting
 solves 95 % in 20 iterations, that of a near guess 57 % in 44: with a small barrier the motion
 creeps along a body. Where the method does not converge with the first, another mostly does, but
-near a guess: there the second ends one solve in eight, and a third one in thirty of the rest. From
+near a guess: there the second ends one solve in seven, and a third one in fifty of the rest. From
 far away the last has time: where motions are slow and motors strong, as those of a massless robot
 at the edge of its workspace, first meshes take 60 to 200 iterations."""
 _CREEPING = 180
