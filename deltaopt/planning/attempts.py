@@ -65,9 +65,9 @@ class Attempt:
     motion. ``intervals``: of the first mesh. ``proposal``: what the first motion is, in words.
     ``torque_share``: the part of torque limits that meshes may use, so that what is exceeded
     between their points stays below the whole. ``is_near``: whether the first motion is the best
-    one on another mesh. ``on_its_mesh``: whether the first mesh has the knots of the motion and the
-    middles between them, in place of as many equal intervals as are given. ``most``: the duration
-    of a plan that is known, s; the attempt ends where it will not undercut it.
+    one on another mesh. ``on_twice_its_mesh``: whether the first mesh has the knots of the motion
+    and the middles between them, in place of as many equal intervals as are given. ``most``: the
+    duration of a plan that is known, s; the attempt ends where it will not undercut it.
     """
 
     scene: Scene
@@ -76,13 +76,13 @@ class Attempt:
     proposal: str = "a first motion"
     torque_share: float = 1.0
     is_near: bool = False
-    on_its_mesh: bool = False
+    on_twice_its_mesh: bool = False
     most: float = inf
 
     @cached_property
     def mesh(self) -> Array:
         """The intervals of the first mesh as fractions of the duration, (N,)."""
-        if self.on_its_mesh:
+        if self.on_twice_its_mesh:
             return split(self.motion.shares, 2 * self.problem.together)
         return first_mesh(self.problem, self.motion, self.intervals)
 
@@ -121,7 +121,7 @@ class Attempt:
         return replace(self, scene=self.scene.model_copy(update=limited))
 
 
-def on_its_mesh(scene: Scene, motion: Trajectory) -> Attempt:
+def on_twice_its_mesh(scene: Scene, motion: Trajectory) -> Attempt:
     """The attempt that begins with a motion that is near the best, on the mesh of its knots, each
     interval in two: on its very mesh a motion that touches bodies has no room to begin in."""
     return Attempt(
@@ -130,7 +130,7 @@ def on_its_mesh(scene: Scene, motion: Trajectory) -> Attempt:
         2 * (len(motion.knots) - 1),
         "that motion, on twice its mesh",
         is_near=True,
-        on_its_mesh=True,
+        on_twice_its_mesh=True,
     )
 
 

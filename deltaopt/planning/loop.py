@@ -25,7 +25,7 @@ from deltaopt.planning.attempts import (
     Attempt,
     Outcomes,
     by_merit,
-    on_its_mesh,
+    on_twice_its_mesh,
     until_good,
 )
 from deltaopt.planning.first_motions.around_bodies import is_clear, with_stops
@@ -223,7 +223,7 @@ class Loop:
         this makes it better; the other one where that is not possible. A mesh whose knots are where
         bodies are passed closely does not lead through them."""
         for _ in range(_IMPROVED):
-            better = self.made(on_its_mesh(scene, found.trajectory))
+            better = self.made(on_twice_its_mesh(scene, found.trajectory))
             if not isinstance(better, Plan) or not is_clear(scene, better.trajectory):
                 break
             shorter = better.duration < (1 - _SHORTER) * found.duration

@@ -136,8 +136,6 @@ class Refinement:
         self._solve(mesh, first, first_tightening(self.scaling, first.trajectory, mesh))
         while not self._done:
             last = self.solutions[-1]
-            if self._failures:  # phases past faces of bodies may have no solution
-                last = next((each for each in self.solutions[::-1] if each.faces is None), last)
             gap = self.iterations[-1].gap
             wanted = _TARGET_SHARE * self.tolerance
             target = max(min(max(wanted, gap / _REDUCTION), _LARGEST_TARGET), _SMALLEST_TARGET)

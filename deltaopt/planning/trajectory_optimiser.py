@@ -134,7 +134,7 @@ class TrajectoryOptimiser:
             attempt.motion,
             attempt.is_near,
             accuracy,
-            on_its_mesh=attempt.on_its_mesh,
+            on_its_mesh=attempt.on_twice_its_mesh,
             is_trial=attempt.most < inf,
         )
         scaling = attempt.scaling(attempt.motion, attempt.motion.duration)

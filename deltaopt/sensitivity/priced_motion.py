@@ -29,7 +29,7 @@ from deltaopt.motion.extrema import everywhere
 from deltaopt.motion.loads import LoadsOfMotion
 from deltaopt.motion.running_cost import cost as cost_of
 from deltaopt.motion.trajectory import Trajectory, passes
-from deltaopt.planning.attempts import on_its_mesh
+from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.effort_planning import cost_to_minimise
 from deltaopt.planning.mesh.constraint_tightening import first_tightening
 from deltaopt.planning.mesh.error_estimate import split
@@ -212,7 +212,7 @@ def _require_prices(found: Plan) -> None:
 def _priced(plan: Plan, mesh: Array) -> PricedMotion:
     """The best motion on a mesh near that of a plan."""
     scene, motion = plan.scene, plan.trajectory
-    attempt = on_its_mesh(scene, motion)
+    attempt = Attempt(scene, motion, len(mesh))
     problem, optimiser = attempt.problem, TrajectoryOptimiser()
     scaling = attempt.scaling(motion, motion.duration)
     if plan.resolved:

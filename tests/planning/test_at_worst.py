@@ -61,7 +61,7 @@ def test_it_is_improved_where_the_method_succeeds_from_it(name, monkeypatch):
     best = plan(scene)
 
     def fails(optimiser, attempt, report):
-        if attempt.on_its_mesh:
+        if attempt.on_twice_its_mesh:
             return planned(optimiser, attempt, report)
         raise NotConverged("a solver that fails from elsewhere", "Broken", None)
 
