@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import re
 
-PART = 500
-"""Operations of a part of a function."""
+from deltaopt.codegen.simd_c import PART, c_text
 
 _FUNCTION = re.compile(
     r"^static int (?P<name>casadi_f\d+)\((?P<arguments>[^)]*)\) \{\n"
@@ -28,13 +27,13 @@ def in_parts(source: str) -> str:
 
 
 def _function_in_parts(found: re.Match[str]) -> str:
-    name, lines = found["name"], found["body"].splitlines(keepends=True)
+    name, lines = found["name"], found["body"].splitlines()
     if len(lines) <= PART:
         return found[0]
-    lines = [_VALUE.sub(r"a[\1]", line) for line in lines]
-    parts = ["".join(lines[k : k + PART]) for k in range(0, len(lines), PART)]
+    lines = [_VALUE.sub(r"a[\1]", line.strip()) for line in lines]
+    parts = [lines[k : k + PART] for k in range(0, len(lines), PART)]
     known = "const casadi_real **arg, casadi_real **res, casadi_real *a"
-    texts = [f"static void {name}_part_{i}({known}) {{\n{part}}}\n" for i, part in enumerate(parts)]
+    texts = [c_text(f"{name}_part_{i}({known})", part) for i, part in enumerate(parts)]
     calls = [f"  {name}_part_{i}(arg, res, a);\n" for i in range(len(parts))]
     values = f"  casadi_real a[{len(_VALUE.findall(found['declared']))}];\n"
     whole = f"static int {name}({found['arguments']}) {{\n{values}{''.join(calls)}  return 0;\n}}\n"

@@ -74,12 +74,12 @@ def test_both_ends_of_a_wall_are_looked_at():
 
 
 def test_another_way_is_tried_after_a_laborious_plan():
-    """Its first plan is a local minimum, half a percent longer, or the best: the last bits of the
-    processor's arithmetic decide."""
-    found = plan(hard_scene("29_min_massless"))
+    """One of its plans is a local minimum, half a percent longer. From 16 intervals the last bits
+    of the processor's arithmetic decide whether any plan is."""
+    found = plan(hard_scene("29_min_massless"), intervals=14)
     assert found.duration < 15.62 * (1 + 2e-3)  # the best of ten starts takes 15.621 s
     assert found.optima[0].duration == found.duration
-    assert all(each.duration > found.duration * (1 + 2 * each.gap) for each in found.optima[1:])
+    assert found.optima[1].duration > found.duration * (1 + 2 * found.optima[1].gap)
     assert sum(each.starts for each in found.optima) > 2
 
 
