@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
-from deltaopt.errors import DeltaOptError, Infeasible
+from deltaopt.errors import RULED_OUT, DeltaOptError, Infeasible, if_possible
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings, not_found
 from deltaopt.planning.plan import Plan, plan_as_it_is
@@ -128,5 +128,6 @@ class PlacesOnBelt:
         """The plan to where the belt is at a time, s, whenever it gets there."""
         at = self.goal.at(time, self.goal.position)
         state = State(at=at.position, velocity=at.velocity)
-        plan = self.planned(self.scene.model_copy(update={"goal": state}))
+        there = self.scene.model_copy(update={"goal": state})
+        plan = if_possible(RULED_OUT, self.planned, there)  # such as beyond a singularity
         return plan if isinstance(plan, Plan) else None

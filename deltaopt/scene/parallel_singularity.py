@@ -8,12 +8,16 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.errors import Infeasible, in_words
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.robot.machine import Model
 from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
+
+_CLOSER, _BETWEEN = 5, np.array([0.25, 0.5, 0.75])
+"""How many times a motion is sampled, more closely each time, and the shares of what lies between
+two samples at which it is sampled then."""
 
 
 def on_one_side(model: Model, points: Array) -> bool:
@@ -24,6 +28,25 @@ def on_one_side(model: Model, points: Array) -> bool:
     """
     volumes = volumes_at(model, points)
     return bool((volumes[0] * volumes > 0).all())
+
+
+def leads_through_singularity(model: Model, position: PiecewisePolynomial, t: Array) -> bool:
+    """Whether a parallel singularity lies on a motion, as far as samples show: at times ``t``,
+    (N,), and between them wherever the distance from it is less than what that changes by from one
+    to the next, again and again. A motion may be beyond it for a hundredth of an interval only."""
+    for _ in range(_CLOSER):
+        volumes = volumes_at(model, position.at(t))
+        signed = volumes * np.sign(volumes[0])
+        if not (signed > 0).all():  # nor where it is not a number
+            return True
+        steps = np.pad(np.abs(np.diff(signed)), 1, mode="edge")
+        change = np.maximum(np.maximum(steps[:-2], steps[1:-1]), steps[2:])
+        near = np.flatnonzero(np.minimum(signed[:-1], signed[1:]) < change)
+        if not len(near):
+            return False
+        between = t[near, None] + (t[near + 1] - t[near])[:, None] * _BETWEEN
+        t = np.sort(np.append(t, between))
+    return False
 
 
 def require_ends_on_one_side(scene: Scene) -> None:

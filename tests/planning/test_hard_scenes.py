@@ -45,6 +45,8 @@ BEST = {
     "37_ends_massless": 0.305176,
     "39_ends_massless": 0.371587,
     "41_bodies_industrial": 0.27612,
+    "43_sing_massless": 0.386139,
+    "44_approach_odd": 0.468275,
 }
 """The best duration known, s, of motions that pass through no parallel singularity."""
 
@@ -63,6 +65,12 @@ def test_effort_is_not_saved_in_a_singularity():
     found = plan(scene, tolerance=3e-2)
     assert found.within_tolerance
     assert verify(scene, found.trajectory).failures() == []
+
+
+def test_a_place_on_a_belt_beyond_a_singularity_rules_no_other_out():
+    """The motion found to one of the places on its way passes through the singularity."""
+    _, verification = planned_and_verified("45_belt_massless")
+    assert verification.failures() == []
 
 
 def test_both_ends_of_a_wall_are_looked_at():

@@ -30,7 +30,7 @@ from deltaopt.planning.path.path_planning import fastest_on_path
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
 from deltaopt.scene.known_limits import limits_of
-from deltaopt.scene.parallel_singularity import on_one_side, require_ends_on_one_side
+from deltaopt.scene.parallel_singularity import leads_through_singularity, require_ends_on_one_side
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import distance
 
@@ -220,7 +220,7 @@ class CrossesSingularity(NotConverged):
 
 def crosses_singularity(problem: Problem, motion: Trajectory) -> bool:
     """Whether a motion passes through a parallel singularity, as far as samples show."""
-    one = len(motion.knots) == 2
-    tried = motion.position.everywhere(_TRIED_IN_ONE if one else _TRIED_IN_MANY)
-    points = motion.position.inside(*tried)
-    return not on_one_side(problem.model, np.vstack([problem.start.position, points]))
+    knots, one = motion.knots, len(motion.knots) == 2
+    shares = _TRIED_IN_ONE if one else _TRIED_IN_MANY
+    t = np.append((knots[:-1, None] + np.diff(knots)[:, None] * shares).ravel(), knots[-1])
+    return leads_through_singularity(problem.model, motion.position, t)

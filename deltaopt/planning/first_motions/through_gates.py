@@ -43,7 +43,9 @@ _ONWARDS = 0.1
 spheres overlap, and that it leaves."""
 _CUBE = [np.array(each) for each in product((-1.0, 0.0, 1.0), repeat=3) if any(each)]
 _DIRECTIONS = np.array([np.zeros(3), *(each / hypot(*each) for each in _CUBE)])
-"""To places of a sphere that are looked at for room: its centre, and 26 of a cube's."""
+_ACROSS = np.array([each for each in _DIRECTIONS if not each[0]])
+"""To places of a sphere that are looked at for room: its centre, and 26 of a cube's; and of the end
+of an upright cylinder: its centre, and 8 of a square's."""
 
 
 def through_gates(scene: Scene) -> Iterator[Proposal]:
@@ -80,22 +82,29 @@ def simple_motions(scene: Scene) -> Iterator[Proposal]:
 
 def places_of_gates(scene: Scene) -> Iterator[Array]:
     """Places of the gates of a scene, (gates, 3), m: for via points with spheres those nearest to
-    where a straight way would pass, then their centres, and then where there is most room."""
-    via = scene.task.via
+    where a straight way would pass, then their centres, and then where there is most room, also at
+    the end of an approach's cylinders: the places straight above may be out of reach."""
+    via, columns = scene.task.via, scene.columns
     spheres = any(point.within for point in via)
     if spheres:
         yield _nearest_places(scene, via)
-    above = [(column.level, column.y, column.z) for column in scene.columns]
-    yield np.array([*(point.position for point in via), *above]).reshape(-1, 3)
-    if spheres:
-        yield np.array([_roomiest_place(scene, point) for point in via])
+    above = [(column.level, column.y, column.z) for column in columns]
+    middles = np.array([*(point.position for point in via), *above]).reshape(-1, 3)
+    yield middles
+    if spheres or columns:
+        free = scene.model_copy(update={"approach": None})
+        around = [point.within * _DIRECTIONS for point in via]
+        around += [column.radius * _ACROSS for column in columns]
+        yield np.array(
+            [
+                _roomiest(free, middle + _WELL_INSIDE * each)
+                for middle, each in zip(middles, around, strict=True)
+            ]
+        )
 
 
-def _roomiest_place(scene: Scene, point: ViaPoint) -> Array:
-    """The place in a sphere where the platform at rest has most room, of some, (3,), m: centre and
-    nearest place may be beyond a singularity."""
-    centre = np.array(point.position)
-    places = centre + _WELL_INSIDE * point.within * _DIRECTIONS
+def _roomiest(scene: Scene, places: Array) -> Array:
+    """Of some places, (n, 3), m, the one where the platform at rest has most room, (3,)."""
     return np.asarray(places[room_at_rest(scene, places).argmax()])
 
 
