@@ -11,7 +11,7 @@ import pytest
 from deltaopt import plan
 from deltaopt.errors import Infeasible
 from deltaopt.motion.sure_bounds import signed_distances
-from deltaopt.planning.first_motions.passages import shortest_path
+from deltaopt.planning.first_motions.passages import shortest_paths
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
@@ -194,7 +194,7 @@ def test_a_way_far_around(name):
     """Found by a campaign: walls around which the only way leads far beyond start and goal, where
     the platform is above a plane through its elbows. Judged by distances and statics of its own."""
     scene = load_scene(PROBLEMS.parent / "tests" / "data" / "bodies" / f"{name}.yaml")
-    corners = shortest_path(scene)
+    corners = next(shortest_paths(scene))
     (wall,) = [body.shape for body in scene.keep_out]
     shares = np.linspace(0.0, 1.0, 101)[:, None]
     path = np.vstack([a + shares * (b - a) for a, b in pairwise(corners)])

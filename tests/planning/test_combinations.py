@@ -110,7 +110,7 @@ def test_gaps_of_least_effort_with_rates_are_large_enough(moving, cost):
     assert nearly.gap <= 2e-4
 
 
-@pytest.mark.parametrize("duration", [0.2117, 0.22, 0.25])
+@pytest.mark.parametrize("duration", [0.212, 0.22, 0.25])
 def test_least_effort_meets_a_belt_past_bodies_when_the_duration_is_over(duration):
     """Waiting for the belt, as in least time, would take another duration."""
     effort = {"objective": Effort(duration=duration)}

@@ -9,7 +9,7 @@ import pytest
 
 from deltaopt import load_scene, plan
 from deltaopt.planning.first_motions.order_of_merit import first_motion
-from deltaopt.planning.past_bodies.ways import past_these, with_those_hit
+from deltaopt.planning.past_bodies.near_bodies import past_these, with_those_hit
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify
 

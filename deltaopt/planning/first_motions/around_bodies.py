@@ -33,7 +33,7 @@ from deltaopt.planning.first_motions.bands import (
 )
 from deltaopt.planning.first_motions.bows import bows, speeds
 from deltaopt.planning.first_motions.initial_motion import roughly_fastest
-from deltaopt.planning.first_motions.passages import shortest_path, what_was_searched
+from deltaopt.planning.first_motions.passages import shortest_paths, what_was_searched
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
@@ -112,7 +112,7 @@ def ways_around(
         bowed += drawn(bows(bodies, sampled(first)))
     yield [*found, *sorted(bowed, key=lambda way: way.motion.duration)]
     if not found:
-        yield drawn(clear_bands(bodies, sampled(first))) or list(_through_passages(scene, bodies))
+        yield drawn(clear_bands(bodies, sampled(first))) or _through_passages(scene, bodies)
     if free and are_few:
         lines = _bent(bodies, sampled(first))
         yield drawn(chain.from_iterable(islice(clear_bands(bodies, x), _OF_EACH) for x in lines))
@@ -161,22 +161,23 @@ def clear_motions(scene: Scene, motions: Iterator[Trajectory], number: int) -> I
                 return
 
 
-def _through_passages(scene: Scene, bodies: Bodies) -> Iterator[Way]:
-    """The way along the shortest path of straight lines, rounded as far as bodies allow; with a
-    stop at each of its corners where they do not."""
-    corners = shortest_path(scene)
-    if corners is None:
-        return
+def _through_passages(scene: Scene, bodies: Bodies) -> list[Way]:
+    """The ways along shortest paths of straight lines, the fastest first."""
+    found = (_along_lines(scene, bodies, corners) for corners in shortest_paths(scene))
+    return sorted(filter(None, found), key=lambda way: way.motion.duration)
+
+
+def _along_lines(scene: Scene, bodies: Bodies, corners: Array) -> Way | None:
+    """The way along straight lines between corners, (n, 3), m, rounded as far as bodies allow; with
+    a stop at each corner where they do not; None where that cannot be driven."""
     band = resampled(corners)
     for margin in _MARGINS:
         drawn = replace(bodies, margin=margin).drawn(band[None], TENSIONS[-_GENTLE:])[0]
         motion = driven(scene, drawn) if bodies.hits(drawn[None])[0] is None else None
         if motion is not None:
-            yield Way(motion, bodies.sides(drawn))
-            return
+            return Way(motion, bodies.sides(drawn))
     motion = with_stops(scene, corners)
-    if motion is not None:
-        yield Way(motion, bodies.sides(band))
+    return Way(motion, bodies.sides(band)) if motion else None
 
 
 def is_clear(scene: Scene, motion: Trajectory) -> bool:

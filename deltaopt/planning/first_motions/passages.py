@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations, pairwise, product
+from itertools import combinations, islice, pairwise, product
 from math import dist, hypot, inf, tau
 
 import numpy as np
@@ -53,6 +53,8 @@ none of these leads to the goal. The second takes some 0.1 s."""
 _FARTHER = (0.0, 0.5)
 """Of the distance of neighbours in such a grid: how far from bodies its places are besides. Between
 places that are nearer lines may lead through their corners."""
+_ANOTHER = 0.2
+"""Of the way from start to goal: another path has no corner nearer to one of the shortest."""
 _ROOM = 0.6
 """By what share of the way from start to goal the grid reaches beyond both."""
 _LARGEST = 100.0
@@ -77,26 +79,40 @@ _KNOWN, _ROUNDING = 0.5, 1e-12
 be too near to a body: it may begin on one."""
 
 
-def shortest_path(scene: Scene) -> Array | None:
+def shortest_paths(scene: Scene) -> Iterator[Array]:
     """The corners of the shortest path of clear lines from start to goal, (n, 3), m, both ends
-    among them; None if there is none. Its lines touch bodies only where no others lead there."""
-    return next(paths_of_lines(scene), None)
+    among them, and of the shortest that has none near these, as far as there are such paths. Their
+    lines touch bodies only where no others lead there."""
+    path = next(paths_of_lines(scene), None)
+    if path is not None:
+        yield path
+        yield from islice(_over_places(scene, path[1:-1]), 1)
 
 
 def paths_of_lines(scene: Scene) -> Iterator[Array]:
     """Shortest paths of clear lines over one set of places after the other, (n, 3) each, m, as far
     as there is one; over all that the robot reaches if there is none between start and goal or not
     far beyond."""
-    ends, found = np.array(given_points(scene.task)), False
-    for grid, between, spare, searches in _TRIED:
-        places = _places(scene, ends, grid, between=between)
-        path = _path(_Lines(scene, spare), ends, places, searches)
-        if path is not None:
-            found = True
-            yield path
+    found = False
+    for path in _over_places(scene, np.empty((0, 3))):
+        found = True
+        yield path
     far = None if found else _far_around(_Lines(scene, _SPARE))
     if far is not None:
         yield far
+
+
+def _over_places(scene: Scene, known: Array) -> Iterator[Array]:
+    """The same between start and goal, over places that are not near ``known`` ones, (n, 3), m."""
+    ends = np.array(given_points(scene.task))
+    least = _ANOTHER * dist(*ends)
+    for grid, between, spare, searches in _TRIED:
+        places = _places(scene, ends, grid, between=between)
+        apart = np.linalg.norm(places[:, None] - known, axis=2)
+        places = places[(apart > least).all(axis=1)]
+        path = _path(_Lines(scene, spare), ends, places, searches)
+        if path is not None:
+            yield path
 
 
 def _far_around(lines: _Lines) -> Array | None:
