@@ -73,6 +73,13 @@ def test_a_place_on_a_belt_beyond_a_singularity_rules_no_other_out():
     assert verification.failures() == []
 
 
+def test_a_way_that_hardly_keeps_a_limit_at_rest_is_none():
+    """The time that it takes grew to 1e49 s, for which no motion can be slowed."""
+    found, verification = planned_and_verified("46_belt_industrial")
+    assert found.within_tolerance
+    assert verification.failures() == []
+
+
 def test_both_ends_of_a_wall_are_looked_at():
     """Above it there is a way at either end, 0.573 s by the one and 0.421 s by the other."""
     found, verification = planned_and_verified("42_wall_industrial")

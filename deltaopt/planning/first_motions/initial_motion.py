@@ -276,7 +276,8 @@ def _sped(
     """The motion slowed by its factor, found anew while it is far from 1: torques of a motion that
     is ten million times too slow differ by rounding alone from those at rest.
 
-    Raises Infeasible, with the obstacle, where the factor is infinite.
+    Raises Infeasible, with the obstacle, where the factor is infinite, or however often it is found
+    far from 1: of a motion that hardly keeps a limit at rest it grows beyond all numbers.
     """
     for _ in range(_MOST_SPEEDS):
         factor = factor_of(trajectory)
@@ -286,8 +287,8 @@ def _sped(
             raise Infeasible("the way is so short that double precision does not resolve it")
         trajectory = trajectory.slowed(factor)
         if 1 / _FAR_OFF < factor < _FAR_OFF:
-            break
-    return trajectory
+            return trajectory
+    raise Infeasible(obstacle)
 
 
 def curve_between(scene: Scene, *control: Array) -> Trajectory:
