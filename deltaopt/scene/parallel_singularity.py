@@ -20,20 +20,14 @@ _CLOSER, _BETWEEN = 5, np.array([0.25, 0.5, 0.75])
 two samples at which it is sampled then."""
 
 
-def on_one_side(model: Model, points: Array) -> bool:
-    """Whether no parallel singularity lies between the first and any of the points, (N, 3) in m.
+def leads_through_singularity(model: Model, position: PiecewisePolynomial, t: Array) -> bool:
+    """Whether a parallel singularity lies on a motion, as far as samples show: at times ``t``,
+    (N,), and between them wherever the distance from it is less than what that changes by from one
+    to the next, again and again. A motion may be beyond it for a hundredth of an interval only.
 
     In one, finite torques do not hold the platform: a motion through it exceeds every torque limit,
     however few instants show that.
     """
-    volumes = volumes_at(model, points)
-    return bool((volumes[0] * volumes > 0).all())
-
-
-def leads_through_singularity(model: Model, position: PiecewisePolynomial, t: Array) -> bool:
-    """Whether a parallel singularity lies on a motion, as far as samples show: at times ``t``,
-    (N,), and between them wherever the distance from it is less than what that changes by from one
-    to the next, again and again. A motion may be beyond it for a hundredth of an interval only."""
     for _ in range(_CLOSER):
         volumes = volumes_at(model, position.at(t))
         signed = volumes * np.sign(volumes[0])
@@ -52,8 +46,8 @@ def leads_through_singularity(model: Model, position: PiecewisePolynomial, t: Ar
 def require_ends_on_one_side(scene: Scene) -> None:
     """Raise Infeasible where a parallel singularity lies between start and goal, on every path: the
     volume of the bars' directions, which is zero in one, has another sign at the goal."""
-    model = model_of(scene.robot, scene.payload)
-    if not on_one_side(model, np.array(scene.given_points)):
+    volumes = volumes_at(model_of(scene.robot, scene.payload), np.array(scene.given_points))
+    if not (volumes[0] * volumes > 0).all():
         raise Infeasible(
             "start and goal are on different sides of a parallel singularity, in which the motors "
             "do not hold the platform: every path between them leads through one"

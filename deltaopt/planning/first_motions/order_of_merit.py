@@ -54,7 +54,7 @@ _TRIED = np.linspace(0.0, 1.0, 8, endpoint=False)
 _TRIED_IN_ONE = np.linspace(0.0, 1.0, 128, endpoint=False)
 _TRIED_IN_MANY = np.array([0.0, 0.5])
 """Fractions of an interval at which it is tried on which side of the parallel singularity a motion
-is, of one interval or of many: a motion that passes through it stays beyond for a while."""
+is, of one interval or of many, at first: where it comes near, at more of them."""
 
 
 def first_motion(scene: Scene) -> Trajectory:
@@ -221,6 +221,6 @@ class CrossesSingularity(NotConverged):
 def crosses_singularity(problem: Problem, motion: Trajectory) -> bool:
     """Whether a motion passes through a parallel singularity, as far as samples show."""
     knots, one = motion.knots, len(motion.knots) == 2
-    shares = _TRIED_IN_ONE if one else _TRIED_IN_MANY
-    t = np.append((knots[:-1, None] + np.diff(knots)[:, None] * shares).ravel(), knots[-1])
+    pieces, since = motion.position.everywhere(_TRIED_IN_ONE if one else _TRIED_IN_MANY)
+    t = np.append(knots[pieces] + since, knots[-1])
     return leads_through_singularity(problem.model, motion.position, t)

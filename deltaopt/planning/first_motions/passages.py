@@ -103,7 +103,8 @@ def paths_of_lines(scene: Scene) -> Iterator[Array]:
 
 
 def _over_places(scene: Scene, known: Array) -> Iterator[Array]:
-    """The same between start and goal, over places that are not near ``known`` ones, (n, 3), m."""
+    """Shortest paths of clear lines over places about start and goal, (n, 3) each, m, over one set
+    of places after the other, all of them without what is near ``known`` places, (n, 3), m."""
     ends = np.array(given_points(scene.task))
     least = _ANOTHER * dist(*ends)
     for grid, between, spare, searches in _TRIED:
