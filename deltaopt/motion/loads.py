@@ -35,8 +35,6 @@ _TOO_MUCH = 1e50
 """Of k²: no k does."""
 _WITHIN = 1e-10
 """Excess of a row of positions that counts as none: a tenth of what verification allows."""
-_REACHED = 0.9
-"""Share of a limit that counts as reached, on meshes that use all of it at some points alone."""
 _LEAST_SLOPE = 0.05
 """By how much a row of mixed powers is taken to fall with the speed at least, in the rough answer.
 A lesser one would ask for wild factors where slowing hardly helps."""
@@ -132,15 +130,6 @@ def sizes_at(problem: Problem, coefficients: Array, lengths: Array, fractions: A
     )
     sizes = problem.limits.constraints.size(loads.rows)
     return sizes.reshape(len(lengths), len(fractions), -1)
-
-
-def idle_share(problem: Problem, trajectory: Trajectory) -> float:
-    """The part of a motion's intervals in which no limit of a speed, a torque or a rate is reached.
-    The fastest motion reaches one at all instants."""
-    lengths, inside = np.diff(trajectory.knots), np.array([0.05, 0.35, 0.65, 0.95])
-    sizes = sizes_at(problem, trajectory.position.coefficients, lengths, inside)
-    reached = sizes[:, :, problem.limits.constraints.orders > 0].max(axis=(1, 2))
-    return float((reached < _REACHED).mean())
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.order_of_merit import CrossesSingularity, crosses_singularity
 from deltaopt.planning.journal import Progress
 from deltaopt.planning.mesh.constraint_tightening import first_tightening
+from deltaopt.planning.mesh.edges import first_phases, next_phases
 from deltaopt.planning.mesh.error_estimate import (
     joined_estimate,
     longest_tightened,
@@ -29,6 +30,7 @@ from deltaopt.planning.mesh.error_estimate import (
     with_knots_at,
 )
 from deltaopt.planning.mesh.gap import iteration_of
+from deltaopt.planning.mesh.kept_limits import tightest
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, solve_on_mesh
 from deltaopt.planning.nlp.phases import FacePhases, joined
 from deltaopt.planning.nlp.problem import Formulated, Guess
@@ -64,9 +66,6 @@ _SOLVER_MARGIN, _LOOSEST_TOLERANCE = 300.0, 1e-4
 most the second; a third of the plan's tolerance if that is looser, and half as much, a third as
 much, … on a mesh that is solved again, for what the solver left may be why. A tighter one costs
 iterations, a looser one hides the error of the mesh behind the solver's."""
-_LOOSER, _LOOSER_PAST_FACES = 3.0, 30.0
-"""A plan's tolerance over the solver's at its tightest. Where phases meet on edges, the instant at
-which they do so is a flat optimum, in which the solver leaves up to what it is allowed to."""
 _SMALLEST_TARGET = 3e-7
 """Smallest relative time loss that a mesh is refined for. Below it the loss cannot be
 distinguished from what the solver leaves."""
@@ -74,9 +73,8 @@ _MOST_MESHES, _MOST_REPEATS, _MOST_FAILURES = 17, 4, 2
 """Largest numbers of meshes, of solves in a row on the same mesh with limits tightened further, and
 of solves in a row that do not converge. They bound the time of a plan that makes no progress."""
 
-_EDGES_BELOW, _MOST_EDGES = 2e-2, 3
-"""Gap below which a solution shows which edges of bodies it touches, and from how many such meshes
-phases past these are tried."""
+_MOST_EDGES = 3
+"""From how many meshes phases past the edges that they touch are tried."""
 _HOPELESS_GAP, _MOST_CROSSINGS = 0.1, 2
 """Gap above which a mesh solution is looked at for a parallel singularity between its points, and
 how many in a row may pass through one. The first may, on a coarse mesh, and later ones turn back;
@@ -133,7 +131,8 @@ class Refinement:
         CrossesSingularity if solutions keep passing through a parallel singularity, and Slower if
         the motion will take longer than ``most``.
         """
-        self._solve(mesh, first, first_tightening(self.scaling, first.trajectory, mesh))
+        scaling, mesh = first_phases(self.program(mesh), self.scaling, first)
+        self._solve(mesh, first, first_tightening(scaling, first.trajectory, mesh))
         while not self._done:
             last = self.solutions[-1]
             gap = self.iterations[-1].gap
@@ -152,8 +151,7 @@ class Refinement:
             if self._is_repetition(last, mesh, scaling):
                 self.report(f"{len(last.mesh)} intervals: no finer mesh is known to be worth it")
                 break
-            looser = self.tolerance / (_LOOSER if faces is None else _LOOSER_PAST_FACES)
-            looser /= 1 + self._repeats
+            looser = tightest(self.tolerance, faces) / (1 + self._repeats)
             accuracy = max(looser, min(gap / _SOLVER_MARGIN, _LOOSEST_TOLERANCE))
             try:
                 self._solve(mesh, Guess(last.trajectory, near=True, tolerance=accuracy), scaling)
@@ -265,9 +263,10 @@ class Refinement:
     def _faces(self, last: MeshSolution) -> FacePhases | None:
         """The phases of the next mesh past faces of bodies; None without."""
         known = last.faces
-        if self._failures or (known is None and self.iterations[-1].gap > _EDGES_BELOW):
+        if self._failures:
             return known
-        found = last.phases_over_edges() if self._edges_left > 0 else None
+        solved = last.program, last.scaling, last.trajectory, last.solution
+        found = next_phases(*solved) if self._edges_left > 0 else None
         if known is None:
             return found
         if found is None or last.presses_beside_bodies(self.tolerance):

@@ -40,9 +40,10 @@ from deltaopt.planning.first_motions.order_of_merit import (
 )
 from deltaopt.planning.formulations.choice import Flat, ProblemFormulation, Redundant
 from deltaopt.planning.journal import Progress
+from deltaopt.planning.mesh.first_mesh import motion_on_first_mesh
 from deltaopt.planning.mesh.gap import gap_of, iteration_of
 from deltaopt.planning.mesh.kept_limits import kept_or_slowed
-from deltaopt.planning.mesh.mesh_solution import MeshSolution, motion_on_first_mesh
+from deltaopt.planning.mesh.mesh_solution import MeshSolution
 from deltaopt.planning.nlp.problem import (
     Cost,
     Formulated,

@@ -47,6 +47,8 @@ BEST = {
     "41_bodies_industrial": 0.27612,
     "43_sing_massless": 0.386139,
     "44_approach_odd": 0.468275,
+    "47_bin_industrial": 0.467191,
+    "48_bodies_industrial": 0.282836,
 }
 """The best duration known, s, of motions that pass through no parallel singularity."""
 

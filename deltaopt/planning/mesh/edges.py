@@ -9,21 +9,25 @@ with a phase for each, whose duration is free, no kink is left. Wherever one pha
 the motion is clear of both faces: on the edge, where it touches that.
 
 What is clear of a face is clear of the body, so that a wrong choice of faces costs time alone,
-which the multipliers of limits with room left tell as part of the gap.
+which the multipliers of limits with room left tell as part of the gap. On a first mesh, edges that
+are rounded by less than its points are apart count as sharp.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from deltaopt.curves.piecewise import Array, Index, Truths
+from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.scene_limits import SceneLimits
-from deltaopt.motion.sure_bounds import distances_from_faces
+from deltaopt.motion.sure_bounds import distances_from_faces, signed_distances
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.nlp.phases import FacePhases
+from deltaopt.planning.nlp.problem import Guess, Program, Solved
+from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.problem import Problem
 
@@ -39,9 +43,16 @@ _NEAR_END = 2 * _SAMPLES
 """Samples from an end of a part to which contacts count as its edge's."""
 _INSIDE = 1e-3
 """How far from its edges, m, a motion touches a face that it is not on the edge of."""
-_ROUNDING = (1e-6, 1e-4)
-"""How far, m, a motion may be beyond a face and still count as clear of it: a solution that bulges
-over a body between points is as far beyond all faces."""
+_OPPOSITE = 1e-9
+"""What the sum of the distances from two opposite faces varies by, m: they have no edge."""
+_ROUNDING = 1e-6
+"""How far, m, a motion may be beyond a face and still count as clear of it. Where a solution bulges
+over a body between points, it is farther beyond all faces, and counts as clear of the nearest."""
+_AT_BODY = 1e-4
+"""How near, m, a motion comes to a body whose edge it passes."""
+_TOUCHES, _FREE = 0.02, 1e-6
+"""Of all that a body costs, what an interval must cost to count as touching it; and what a body
+must cost, as a fraction of the duration per share of its bound."""
 _OPEN = Boundary.passed((None, None, None))
 
 
@@ -55,20 +66,56 @@ class _Part:
     on_edge: bool
 
 
-def phases_over_edges(problem: Problem, motion: Trajectory, touching: Truths) -> FacePhases | None:
+def next_phases(
+    program: Program, scaling: Scaling, motion: Trajectory, solution: Solved, sharp: float = _SHARP
+) -> FacePhases | None:
+    """The phases of ``phases_over_edges`` for next meshes, from the solution of a program; None
+    also where there can be none."""
+    if not _takes_phases(program, scaling):
+        return None
+    touched = touching(scaling.constraints, solution)
+    return phases_over_edges(scaling.problem, motion, touched, sharp)
+
+
+def first_phases(program: Program, scaling: Scaling, guess: Guess) -> tuple[Scaling, Array]:
+    """The scaling and the mesh, (N,), to begin with. If the guess is near the best motion and comes
+    within 0.1 mm of a body at a sharp edge, as one that was found in phases does, they have the
+    phases past that edge."""
+    problem, mesh = scaling.problem, program.mesh
+    if not guess.near or not _takes_phases(program, scaling):
+        return scaling, mesh
+    distances, _ = signed_distances(problem, _samples(guess.trajectory)[1])
+    least = problem.limits.bounds[0][problem.limits.constraints.convex]
+    touched = (distances < least + _AT_BODY).reshape(-1, _SAMPLES, len(least)).any(axis=1)
+    faces = phases_over_edges(problem, guess.trajectory, np.asarray(touched))
+    return (scaling, mesh) if faces is None else (replace(scaling, faces=faces), faces.on(mesh))
+
+
+def _takes_phases(program: Program, scaling: Scaling) -> bool:
+    """Whether a program can be solved in phases past edges: the scene has bodies, the problem has
+    no phases of its own, and time alone counts. Coarse meshes in phases cost less effort than is
+    possible, which the gaps of finer ones would tell."""
+    problem = scaling.problem
+    has_others = bool(problem.gates) or bool(problem.objective.running)
+    return program.takes_phases and scaling.constraints.has_convex and not has_others
+
+
+def phases_over_edges(
+    problem: Problem, motion: Trajectory, touched: Truths, sharp: float = _SHARP
+) -> FacePhases | None:
     """The phases of a motion that touches sharp edges of bodies; None if it touches none, or if
     there are no phases for it.
 
-    ``touching``: in which intervals of the motion it touches which of the bodies of
-    ``Constraints.convex``, (N, rows).
+    ``touched``: in which intervals of the motion it touches which of the bodies of
+    ``Constraints.convex``, (N, rows). ``sharp``: radius, m, up to which edges count as sharp.
     """
     limits = problem.limits
     has_edges = np.array([len(faces) > 1 for faces in limits.faces])
-    rows = touching.any(axis=0) & has_edges & (limits.edge_radii <= _SHARP)
+    rows = touched.any(axis=0) & has_edges & (limits.edge_radii <= sharp)
     if not rows.any():
         return None
     times, x = _samples(motion)
-    touches = np.repeat(touching, _SAMPLES, axis=0)
+    touches = np.repeat(touched, _SAMPLES, axis=0)
     parts = dict[int, list[_Part]]()
     for row in np.flatnonzero(rows).tolist():
         found = _parts(limits, row, distances_from_faces(problem, x, row), touches[:, row])
@@ -91,14 +138,24 @@ def phases_over_edges(problem: Problem, motion: Trajectory, touching: Truths) ->
     return FacePhases(instants, gates, numbers, held)
 
 
+def price_of_places(constraints: Constraints, solution: Solved) -> Array:
+    """Multipliers of limits that are convex in the position, in each interval, (N, rows)."""
+    return np.asarray(np.abs(solution.multipliers[:, :, constraints.convex]).sum(axis=1))
+
+
+def touching(constraints: Constraints, solution: Solved) -> Truths:
+    """In which intervals the motion of a solution touches which bodies, (N, rows)."""
+    price = price_of_places(constraints, solution)
+    return np.asarray(price > _TOUCHES * np.maximum(price.sum(axis=0), _FREE))
+
+
 def _parts(limits: SceneLimits, row: int, distances: Array, touches: Truths) -> list[_Part]:
     """The parts of a motion by faces of the body of a row that it is clear of; one or none if it
     touches no edge. ``distances``: from its faces, (N, faces), m. ``touches``: at which samples it
     touches the body, (N,)."""
     least = limits.bounds[0][limits.constraints.convex][row]
     over = distances - least
-    faces = _fewest_changes(over, _ROUNDING[0])
-    faces = _fewest_changes(over, _ROUNDING[1]) if faces is None else faces
+    faces = _fewest_changes(over)
     if faces is None:
         return []
     begins = [0, *(np.flatnonzero(np.diff(faces)) + 1).tolist()]
@@ -143,24 +200,23 @@ def _samples(motion: Trajectory) -> tuple[Array, Array]:
     return times, motion.position.at(motion.knots[0] + motion.duration * times)
 
 
-def _fewest_changes(distances: Array, rounding: float) -> Index | None:
+def _fewest_changes(over: Array) -> Index | None:
     """Which face a motion is clear of at each sample, (N,), with as few changes as possible, each
-    where it is as far as possible from both; from its distances, (N, faces), m. None where it is
-    clear of no face."""
-    beyond = distances < -rounding
+    where it is as far as possible from both; from by how much it is farther away than it must be,
+    (N, faces), m. None where one of two faces after each other is opposite to the other, or too
+    short a time is left for it."""
+    beyond = over < np.minimum(-_ROUNDING, over.max(axis=1, keepdims=True))
     order, ends, at = list[int](), list[int](), 0
-    while at < len(distances):
+    while at < len(over):
         left = beyond[at:]
         reach = np.where(left.any(axis=0), left.argmax(axis=0), len(left))
         order.append(int(reach.argmax()))
-        if not reach.max():
-            return None
         at += int(reach.max())
         ends.append(at)
-    faces, first = np.full(len(distances), order[0]), 0
+    faces, first = np.full(len(over), order[0]), 0
     for k, (one, other) in enumerate(pairwise(order)):
-        both = distances[first + 1 : ends[k], [one, other]].min(axis=1)
-        if not len(both):
+        both = over[first + 1 : ends[k], [one, other]].min(axis=1)
+        if not len(both) or np.ptp(over[:, [one, other]].sum(axis=1)) < _OPPOSITE:
             return None
         first += 1 + int(both.argmax())
         faces[first:] = other

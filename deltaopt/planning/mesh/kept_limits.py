@@ -15,7 +15,7 @@ from deltaopt.errors import NotConverged
 from deltaopt.motion.time_scaling import highest_rows
 from deltaopt.planning.mesh.error_estimate import split
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, solve_on_mesh
-from deltaopt.planning.nlp.phases import with_neighbours
+from deltaopt.planning.nlp.phases import FacePhases, with_neighbours
 from deltaopt.planning.nlp.problem import Formulated, Guess
 
 KEPT = 1e-10
@@ -27,10 +27,10 @@ finer one takes more iterations, a coarser one costs more margin."""
 _DEAR = 10.0
 """What tightening limits costs, as a fraction of the cost per share of them, above which they are
 met to a smaller share: of motions that are hardly slower than the fastest."""
-_OPTIMAL_SHARE = 1 / 3
-"""Relative tolerance to which they find the least duration, as a share of the plan's: that of the
-mesh before, whose gap tells that of these too. Along a valley that is nearly flat a smaller one is
-never met."""
+_LOOSER, _LOOSER_PAST_FACES = 3.0, 30.0
+"""A plan's tolerance over that to which the solver finds the least duration, at its tightest: along
+a valley that is nearly flat a smaller one is never met. Where phases meet on edges, the instant at
+which they do so is a flat optimum, in which the solver leaves up to what it is allowed to."""
 _MARGIN = 3.0
 """By which all limits are tightened, in units of that tolerance: what it may leave. It costs as
 much of the duration."""
@@ -43,6 +43,12 @@ _NOTHING = 0.1
 _PATIENCE, _PIECES = 4, 3
 """After how many solves an interval that still exceeds a limit is split, and into how many. Beside
 a start that is at a limit of speed itself tightening does not help, but a shorter interval does."""
+
+
+def tightest(tolerance: float, faces: FacePhases | None) -> float:
+    """The tightest relative tolerance to which a solver finds the least duration, for that of a
+    plan; ``faces``: phases past faces of bodies."""
+    return tolerance / (_LOOSER if faces is None else _LOOSER_PAST_FACES)
 
 
 def kept(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshSolution:
@@ -74,11 +80,11 @@ def kept(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshS
         guess = Guess(
             last.trajectory,
             near=True,
-            tolerance=max(_OPTIMAL_SHARE * tolerance, accuracy),
+            tolerance=max(tightest(tolerance, last.faces), accuracy),
             rows=accuracy,
             multipliers=last.solution.multipliers if len(mesh) == len(last.mesh) else None,
         )
-        scaling = replace(last.scaling, share=share)
+        scaling = replace(last.scaling, share=share, faces=last.faces)
         last = solve_on_mesh(program(mesh), scaling, guess)
     raise NotConverged(
         "limits that are exceeded between the points of the mesh, where slowing is no remedy, are "

@@ -21,12 +21,11 @@ from deltaopt.planning.mesh.constraint_tightening import (
     bulge,
     bulge_shares,
     corner_shares,
-    first_tightening,
     points_apart,
     samples_at,
     tightened_where_exceeded,
 )
-from deltaopt.planning.mesh.edges import phases_over_edges
+from deltaopt.planning.mesh.edges import price_of_places, touching
 from deltaopt.planning.mesh.error_estimate import (
     FRACTIONS,
     SAFETY_FACTOR,
@@ -35,7 +34,7 @@ from deltaopt.planning.mesh.error_estimate import (
     longest_tightened,
 )
 from deltaopt.planning.nlp.phases import FacePhases
-from deltaopt.planning.nlp.problem import Formulated, Guess, Program, Solved
+from deltaopt.planning.nlp.problem import Guess, Program, Solved
 from deltaopt.planning.nlp.scaling import UNTIGHTENED, Scaling
 from deltaopt.planning.nlp.softening import Softening
 from deltaopt.problem.problem import Problem
@@ -48,9 +47,6 @@ _CHEAPEST = 0.05
 where effort or smoothness counts: at the points it may not be active."""
 _BESIDE_BODIES = 0.2
 """Of a tolerance: what may be lost beside bodies where phases end on edges."""
-_TOUCHES, _FREE = 0.02, 1e-6
-"""Of all that a body costs, what an interval must cost to count as touching it; and what a body
-must cost, as a fraction of the duration per share of its bound."""
 
 
 def solve_on_mesh(program: Program, scaling: Scaling, guess: Guess) -> MeshSolution:
@@ -101,17 +97,6 @@ def _lost(
         slowing,
         is_fastest=constraints.order == 2 and not scaling.problem.objective.running,
     )
-
-
-def motion_on_first_mesh(
-    program: Formulated, scaling: Scaling, guess: Guess, intervals: int
-) -> Trajectory:
-    """The motion alone that solves a program on a mesh of equal intervals. Raises NotConverged."""
-    intervals *= scaling.problem.together
-    mesh, model = np.full(intervals, 1 / intervals), guess.trajectory.model
-    tightened = first_tightening(scaling, guess.trajectory, mesh)
-    found = program(mesh).solve(guess, tightened, model.parameters)
-    return Trajectory(found.position, model, found.coordinates)
 
 
 def _needed(loads: Loads, scaling: Scaling) -> tuple[Array, NeededSlowing]:
@@ -239,7 +224,7 @@ class MeshSolution:
         sharp = apart / np.maximum(limits.edge_radii, apart)
         bulges = bulge(self.program.points, size, size.max(axis=1))
         left = np.maximum(1 - size.max(axis=1), 0.0) + bulges * sharp
-        lost = self._price_of_places * left
+        lost = price_of_places(constraints, self.solution) * left
         at_bodies = lost.sum(axis=1)
         priced = self._with_unused(at_bodies)
         return replace(
@@ -266,26 +251,6 @@ class MeshSolution:
             unused=self.unused + float(unused.sum()),
         )
 
-    @property
-    def _price_of_places(self) -> Array:
-        """Multipliers of limits that are convex in the position, in each interval, (N, rows)."""
-        convex = self.scaling.constraints.convex
-        return np.asarray(np.abs(self.solution.multipliers[:, :, convex]).sum(axis=1))
-
-    @property
-    def _pays(self) -> Truths:
-        """In which intervals the motion touches which bodies, (N, rows)."""
-        price = self._price_of_places
-        return np.asarray(price > _TOUCHES * np.maximum(price.sum(axis=0), _FREE))
-
-    def phases_over_edges(self) -> FacePhases | None:
-        """Phases for the next meshes where the motion touches sharp edges of bodies; None if there
-        are none for it."""
-        has_phases = self.program.takes_phases and not self.problem.gates
-        if not (has_phases and self.problem.may_be_slowed and self.scaling.constraints.has_convex):
-            return None
-        return phases_over_edges(self.problem, self.trajectory, self._pays)
-
     def presses_beside_bodies(self, tolerance: float) -> bool:
         """Whether faces that stand for bodies hold the motion where these are not, so that more
         than a share of the gap, or of its ``tolerance`` if that is larger, is lost."""
@@ -300,7 +265,7 @@ class MeshSolution:
         convex = self.scaling.constraints.convex
         if not convex.any():
             return np.zeros(0)
-        pays = self._pays
+        pays = touching(self.scaling.constraints, self.solution)
         size = self.sizes[:, :, convex]
         begin = np.cumsum(self.mesh) - self.mesh
         times = (begin[:, None] + self.mesh[:, None] * FRACTIONS).ravel()

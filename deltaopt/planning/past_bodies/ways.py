@@ -14,18 +14,15 @@ from math import dist, inf
 import numpy as np
 
 from deltaopt.errors import ENDS_AN_ATTEMPT, DeltaOptError, Infeasible, if_possible
-from deltaopt.motion.loads import idle_share
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.first_motions.around_bodies import (
     Way,
-    driven,
     leads_past,
     name_of_way,
     no_way,
     ways_around,
 )
-from deltaopt.planning.first_motions.bands import sampled
 from deltaopt.planning.first_motions.moving_ends import end_of, from_state_to_state, start_of
 from deltaopt.planning.past_bodies.near_bodies import near, past_these, those_hit, with_those_hit
 from deltaopt.planning.plan import Plan, TakenWay, quicker
@@ -39,10 +36,8 @@ _MOST_WAYS = 12
 _FINE, _MOST_FINE, _PROMISING, _CLOSE = 4, 6, 1.2, 1.02
 """How many times finer a mesh is on which the fastest of them are solved again, how many at most,
 and how much slower on the first mesh than the fastest on the finer one such a way may be; and how
-much slower on that than a plan a way may be that is planned too. Around a sharp edge a motion is
-caught in minima that are the mesh's alone: of 547 ways past obstacles one in ten takes over 12.6 %
-longer on 16 intervals than the plan that it leads to, on 64 over 2.6 %. Of 500 scenes 19 instead of
-32 are longer by 0.2 % than the best known for it, in 1.08 times the time."""
+much slower on that than a plan a way may be that is planned too. Of 500 scenes past obstacles 10
+are longer by 0.2 % than the best known, 16 where none is solved again, 12 with three at most."""
 _NOTHING_TO_GAIN = 1.002
 """Of the duration of the fastest motion without bodies: a way that takes no longer on the first
 mesh, or as it is planned, is the last that is looked at. With 1 % on the first mesh a neighbouring
@@ -68,10 +63,6 @@ that another one is made from a finer first mesh."""
 _SAME_MOTION, _COMPARED = 0.02, 33
 """Of the way: motions on the first mesh that are nowhere farther apart at the same share of their
 durations, at so many instants, are the same motion, to what a first mesh is solved to."""
-_IDLE = 0.15
-"""Share of intervals without a limit reached from which on a motion is far from the best. Of 950
-first meshes past obstacles 21 led to such; from their paths 15 became faster by 2 % or more."""
-
 
 Planning = Callable[[Attempt], Plan]
 """Plans from an attempt. Raises an error that ends an attempt."""
@@ -156,7 +147,7 @@ class _Search:
         for way in ways:
             trial = _Trial.along(way, self.attempt, self._hit)
             if len(ways) > 1 or self.trials:
-                trial = self._solved(trial, way)
+                trial = trial.solved(self.attempt.scene, self.on_first_mesh)
             self.trials.append(trial)
             if trial.is_solved:
                 self.durations[len(self.trials) - 1] = trial.motion.duration
@@ -181,20 +172,6 @@ class _Search:
                 return
             self.trials[which], self.durations[which] = replace(trial, fine=fine), fine.duration
             least = min(least, fine.duration)
-
-    def _solved(self, trial: _Trial, way: Way) -> _Trial:
-        """The trial of a way on the first mesh; where that motion is idle, also from its path."""
-        scene, solve = self.attempt.scene, self.on_first_mesh
-        found = trial.solved(scene, solve)
-        if not found.is_solved or idle_share(found.attempt.problem, found.motion) < _IDLE:
-            return found
-        motion = driven(at_rest(scene, found.motion), sampled(found.motion))
-        if motion is None:
-            return found
-        again = _Trial.along(replace(way, motion=motion), self.attempt, self._hit)
-        again = again.solved(scene, solve)
-        is_faster = again.is_solved and again.motion.duration < found.motion.duration
-        return again if is_faster else found
 
     def _plan(self, which: int) -> None:
         """Plan a way, unless it seems slower than those that are planned."""
@@ -302,11 +279,10 @@ class _Trial:
 
     @property
     def beginnings(self) -> list[Attempt]:
-        """What to plan from until that leads to a good plan: the motion on the first mesh and that
-        on a finer one, as far as they are known, and the way's, as one near the best and as one
-        that may be anywhere."""
-        found = [self._from(self.motion, 1)] if self.is_solved else []
-        found += [self._from(self.fine, _FINE)] if self.fine else []
+        """What to plan from until that leads to a good plan: the motion on the finest mesh, if
+        there is one, and the way's, as one near the best and as one that may be anywhere."""
+        finer = _FINE if self.fine else 1
+        found = [self._from(self.finest, finer)] if self.is_solved else []
         return [*found, self.attempt, replace(self.attempt, is_near=False)]
 
     def _from(self, motion: Trajectory, finer: int) -> Attempt:
