@@ -82,7 +82,7 @@ class Outcome:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--each", type=one_or_more, default=5, help="scenes of a kind (5)")
+    parser.add_argument("--each", type=one_or_more, default=8, help="scenes of a kind (8)")
     parser.add_argument("--seed", type=seed, default=1, help="of the scenes (1)")
     parser.add_argument("--seeds", type=one_or_more, default=2, help="of OMPL in a scene (2)")
     add_directory(parser, "ompl", "the results of each scene")
