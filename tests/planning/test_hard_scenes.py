@@ -11,7 +11,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from deltaopt import Scene, load_robot, plan, verify
+from deltaopt import Cycle, Scene, load_robot, plan, plan_cycle, verify
 from deltaopt.errors import DeltaOptError, Infeasible, Unreachable
 from deltaopt.planning.first_motions.initial_motion import detour, line, roughly_fastest
 from deltaopt.planning.first_motions.order_of_merit import (
@@ -147,3 +147,12 @@ def test_ends_with_a_singularity_between_them_are_refused_with_the_reason():
     assert volumes[0] * volumes[1] < 0
     with pytest.raises(Infeasible, match="different sides of a parallel singularity"):
         plan(Scene(robot=robot, start=below, goal=beside))
+
+
+def test_a_cycle_whose_legs_tell_no_gap_is_planned():
+    """They pass fast states under limits of torque rates: a division by zero."""
+    legs = [hard_scene(f"49_cycle_industrial_{i}") for i in (0, 1)]
+    found = plan_cycle(Cycle(legs=legs))
+    assert found.gap > 0
+    for leg in found.legs:
+        assert verify(leg.scene, leg.trajectory).failures() == []

@@ -61,7 +61,7 @@ def plan_cycle(
     tell(f"legs as fast as possible: {fastest.in_words}")
     if cycle.period is None and sought.is_kept(fastest):
         least = sought.bound([Round(sought.least, fastest)], [])
-        return replace(fastest, gap=fastest.period / least - 1)
+        return replace(fastest, gap=fastest.period / least - 1 if least else inf)
     sought.require_priced(fastest)
     prices, slopes = sought.first(fastest), np.eye(len(sought.least))
     near, best, gaps = sought.slowed(fastest) or fastest, None, list[float]()
