@@ -265,8 +265,9 @@ class Refinement:
         known = last.faces
         if self._failures:
             return known
-        solved = last.program, last.scaling, last.trajectory, last.solution
-        found = next_phases(*solved) if self._edges_left > 0 else None
+        found = None
+        if self._edges_left > 0:
+            found = next_phases(last.program, last.scaling, last.trajectory, last.solution)
         if known is None:
             return found
         if found is None or last.presses_beside_bodies(self.tolerance):

@@ -61,7 +61,7 @@ def plan_cycle(
     tell(f"legs as fast as possible: {fastest.in_words}")
     if cycle.period is None and sought.is_kept(fastest):
         least = sought.bound([Round(sought.least, fastest)], [])
-        return replace(fastest, gap=fastest.period / least - 1 if least else inf)
+        return replace(fastest, gap=_above(fastest.period, least))
     sought.require_priced(fastest)
     prices, slopes = sought.first(fastest), np.eye(len(sought.least))
     near, best, gaps = sought.slowed(fastest) or fastest, None, list[float]()
@@ -76,7 +76,7 @@ def plan_cycle(
         if possible:
             best = sought.exchanged(min(possible, key=sought.value), tried)
         bound = sought.bound(rounds, tried)
-        gap = sought.value(best) / bound - 1 if best and bound > 0 else inf
+        gap = _above(sought.value(best), bound) if best else inf
         tell(f"round {number}: {found.in_words}" + ("" if kept is None else f"; {kept.in_words}"))
         is_elsewhere = afresh and (not gaps or gap > gaps[-1] / _LESS)
         gaps = [gap] if is_elsewhere else [*gaps, gap]
@@ -97,3 +97,8 @@ def plan_cycle(
         raise Infeasible(sought.why_not(found))
     saved = sought.gained(rounds[-1].prices)
     return replace(best, gap=max(0.0, gap), prices=saved, rounds=number)
+
+
+def _above(cost: float, bound: float) -> float:
+    """By what share a cost is above a bound; infinite where the bound tells nothing."""
+    return cost / bound - 1 if bound > 0 else inf

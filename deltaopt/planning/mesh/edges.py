@@ -202,9 +202,11 @@ def _samples(motion: Trajectory) -> tuple[Array, Array]:
 
 def _fewest_changes(over: Array) -> Index | None:
     """Which face a motion is clear of at each sample, (N,), with as few changes as possible, each
-    where it is as far as possible from both; from by how much it is farther away than it must be,
-    (N, faces), m. None where one of two faces after each other is opposite to the other, or too
-    short a time is left for it."""
+    where it is as far as possible from both faces. None where a face would follow its opposite one,
+    or where no sample is left at which to change.
+
+    ``over``: by how much the motion is farther from each face than it must be, (N, faces), m.
+    """
     beyond = over < np.minimum(-_ROUNDING, over.max(axis=1, keepdims=True))
     order, ends, at = list[int](), list[int](), 0
     while at < len(over):

@@ -32,8 +32,8 @@ _LOOSER, _LOOSER_PAST_FACES = 3.0, 30.0
 a valley that is nearly flat a smaller one is never met. Where phases meet on edges, the instant at
 which they do so is a flat optimum, in which the solver leaves up to what it is allowed to."""
 _MARGIN = 3.0
-"""By which all limits are tightened, in units of that tolerance: what it may leave. It costs as
-much of the duration."""
+"""By which all limits are tightened, in units of the tolerance to which rows are met: what that may
+leave. It costs as much of the duration."""
 _FACTOR = 1.25
 """Tightening over the excess that was seen. A larger factor costs time, a smaller one solves."""
 _MOST = 16
