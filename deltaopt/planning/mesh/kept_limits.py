@@ -60,8 +60,10 @@ def kept(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshS
     dear = max(1.0, solution.price_of_limits / _DEAR)
     last, accuracy = solution, max(_SOLVER_SHARE * tolerance / dear, _FINEST)
     for attempt in range(1, _MOST + 1):
-        sizes = last.sizes.max(axis=1)
-        excess = np.maximum(sizes - 1, 0.0)
+        excess = np.maximum(last.sizes.max(axis=1) - 1, 0.0)
+        if last.excess is not None:
+            convex = last.scaling.constraints.convex
+            excess[:, convex] = np.maximum(excess[:, convex], last.excess)
         if excess.max() <= KEPT:
             peaks = highest_rows(last.problem, last.trajectory)
             if peaks.values.max() <= 1 + KEPT:
