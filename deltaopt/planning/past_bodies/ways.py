@@ -307,11 +307,15 @@ class _Trial:
         self, scene: Scene, attempt: Attempt, on_first_mesh: Callable[[Attempt], Trajectory]
     ) -> _Trial:
         """This from an attempt on its first mesh, past all bodies that the motion there runs into
-        at points of that."""
+        at points of that: from this motion, which may be little beside them, or from the way."""
         motion = if_possible(ENDS_AN_ATTEMPT, on_first_mesh, attempt)
-        more = with_those_hit(scene, attempt.scene, motion.position) if motion else None
-        if more is not None:
-            return self._on_mesh(scene, replace(attempt, scene=more), on_first_mesh)
+        more = motion and with_those_hit(scene, attempt.scene, motion.position)
+        if motion and more:
+            past = replace(attempt, scene=more)
+            found = self._on_mesh(scene, replace(past, motion=motion), on_first_mesh)
+            if not found.is_solved:
+                return self._on_mesh(scene, past, on_first_mesh)
+            return replace(found, attempt=replace(found.attempt, motion=attempt.motion))
         if (
             motion is None
             or motion.duration > self.longest
