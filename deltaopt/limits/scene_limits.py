@@ -80,6 +80,14 @@ class SceneLimits:
                 return Phased(limit, numbers, rows)
         return None
 
+    def in_phases(self, number: int) -> Array:
+        """All numbers in each phase of a motion of so many, (phases, numbers)."""
+        found = np.tile(self.numbers, (number, 1))
+        if self.phased is not None:
+            own = self.phased.numbers
+            found[:, own] = self.phased.limit.numbers_in_phases(self.numbers[own])
+        return found
+
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bound of every measure in its unit, infinite where there is none."""

@@ -131,8 +131,13 @@ class Refinement:
         CrossesSingularity if solutions keep passing through a parallel singularity, and Slower if
         the motion will take longer than ``most``.
         """
-        scaling, mesh = first_phases(self.program(mesh), self.scaling, first)
-        self._solve(mesh, first, first_tightening(scaling, first.trajectory, mesh))
+        scaling, own = first_phases(self.program(mesh), self.scaling, first)
+        try:
+            self._solve(own, first, first_tightening(scaling, first.trajectory, own))
+        except ENDS_AN_ATTEMPT:
+            if scaling.faces is None or self.solutions:
+                raise
+            self._solve(mesh, first, first_tightening(self.scaling, first.trajectory, mesh))
         while not self._done:
             last = self.solutions[-1]
             gap = self.iterations[-1].gap

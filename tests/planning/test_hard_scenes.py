@@ -49,6 +49,9 @@ BEST = {
     "44_approach_odd": 0.468275,
     "47_bin_industrial": 0.467191,
     "48_bodies_industrial": 0.282836,
+    "50_maze_industrial": 0.345685,
+    "51_via_wall_industrial": 0.177489,
+    "52_approach_shelves_industrial": 0.536322,
 }
 """The best duration known, s, of motions that pass through no parallel singularity."""
 

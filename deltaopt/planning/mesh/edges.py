@@ -16,7 +16,9 @@ are rounded by less than its points are apart count as sharp.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
+from operator import itemgetter
 
 import numpy as np
 
@@ -24,7 +26,7 @@ from deltaopt.curves.piecewise import Array, Index, Truths
 from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.motion.sure_bounds import distances_from_faces, signed_distances
-from deltaopt.motion.trajectory import Trajectory
+from deltaopt.motion.trajectory import Trajectory, passes
 from deltaopt.planning.nlp.phases import FacePhases
 from deltaopt.planning.nlp.problem import Guess, Program, Solved
 from deltaopt.planning.nlp.scaling import Scaling
@@ -43,6 +45,10 @@ _NEAR_END = 2 * _SAMPLES
 """Samples from an end of a part to which contacts count as its edge's."""
 _INSIDE = 1e-3
 """How far from its edges, m, a motion touches a face that it is not on the edge of."""
+_ROOM = 3.0
+"""From both faces beside an edge, in units of the radius up to which edges are sharp: a motion that
+is farther away does not pass on the edge. On meshes of plans it is ``_INSIDE``: in a window of 3 mm
+a motion that touches one edge is 1 mm from the opposite one."""
 _OPPOSITE = 1e-9
 """What the sum of the distances from two opposite faces varies by, m: they have no edge."""
 _ROUNDING = 1e-6
@@ -92,19 +98,18 @@ def first_phases(program: Program, scaling: Scaling, guess: Guess) -> tuple[Scal
 
 
 def _takes_phases(program: Program, scaling: Scaling) -> bool:
-    """Whether a program can be solved in phases past edges: the scene has bodies, the problem has
-    no phases of its own, and time alone counts. Coarse meshes in phases cost less effort than is
-    possible, which the gaps of finer ones would tell."""
-    problem = scaling.problem
-    has_others = bool(problem.gates) or bool(problem.objective.running)
-    return program.takes_phases and scaling.constraints.has_convex and not has_others
+    """Whether a program can be solved in phases past edges: the scene has bodies, and time alone
+    counts. Coarse meshes in phases cost less effort than is possible, which the gaps of finer ones
+    would tell."""
+    is_fastest = not scaling.problem.objective.running
+    return program.takes_phases and scaling.constraints.has_convex and is_fastest
 
 
 def phases_over_edges(
     problem: Problem, motion: Trajectory, touched: Truths, sharp: float = _SHARP
 ) -> FacePhases | None:
-    """The phases of a motion that touches sharp edges of bodies; None if it touches none, or if
-    there are no phases for it.
+    """The phases of a motion that touches sharp edges of bodies, with those that the problem has;
+    None if it touches none, or if there are no phases for it.
 
     ``touched``: in which intervals of the motion it touches which of the bodies of
     ``Constraints.convex``, (N, rows). ``sharp``: radius, m, up to which edges count as sharp.
@@ -116,26 +121,35 @@ def phases_over_edges(
         return None
     times, x = _samples(motion)
     touches = np.repeat(touched, _SAMPLES, axis=0)
-    parts = dict[int, list[_Part]]()
-    for row in np.flatnonzero(rows).tolist():
-        found = _parts(limits, row, distances_from_faces(problem, x, row), touches[:, row])
-        if len(found) > 1:
-            parts[row] = found
+    of_bodies = {
+        row: _parts(limits, row, distances_from_faces(problem, x, row), touches[:, row], sharp)
+        for row in np.flatnonzero(rows).tolist()
+    }
+    parts = {row: found for row, found in of_bodies.items() if len(found) > 1}
     changes = [each for found in parts.values() for each in found[1:]]
     if not changes or len(changes) >= _MOST_PHASES:
         return None
-    changes.sort(key=lambda each: each.begin)
-    instants = times[[each.begin for each in changes]]
-    if np.diff(np.concatenate([[0.0], instants, [1.0]])).min() < _SHORTEST:
-        return None
-    gates = tuple(
-        _OPEN if each.on_edge else _gate(motion, instant)
-        for each, instant in zip(changes, instants.tolist(), strict=True)
-    )
-    begins = [0, *(each.begin for each in changes)]
-    numbers = np.array([_numbers_at(limits, list(parts.values()), begin) for begin in begins])
+    passed = (passes(problem, motion) - motion.knots[0]) / motion.duration
+    meet = [*zip(passed.tolist(), problem.gates, strict=True)]
+    for each in changes:
+        instant = float(times[each.begin])
+        meet.append((instant, _OPEN if each.on_edge else _gate(motion, instant)))
+    meet.sort(key=itemgetter(0))
+    instants = np.array([instant for instant, _ in meet])
+    begins = [0, *np.searchsorted(times, instants).tolist()]
+    own = limits.in_phases(len(passed) + 1)
+    own = own[[0, *np.searchsorted(passed, instants, side="right").tolist()]]
+    numbers = map(partial(_numbers_at, limits, list(parts.values())), begins, own)
     held = np.isin(np.arange(len(rows)), list(parts))
-    return FacePhases(instants, gates, numbers, held)
+    gates = tuple(gate for _, gate in meet)
+    return FacePhases(_apart(instants), gates, np.array(list(numbers)), held)
+
+
+def _apart(instants: Array) -> Array:
+    """Instants in order, (n,), moved as little as makes every phase long enough."""
+    places = _SHORTEST * np.arange(1, len(instants) + 1)
+    later = places + np.maximum.accumulate(np.maximum(instants - places, 0.0))
+    return np.asarray(np.minimum(later, 1 - places[::-1]))
 
 
 def price_of_places(constraints: Constraints, solution: Solved) -> Array:
@@ -149,17 +163,24 @@ def touching(constraints: Constraints, solution: Solved) -> Truths:
     return np.asarray(price > _TOUCHES * np.maximum(price.sum(axis=0), _FREE))
 
 
-def _parts(limits: SceneLimits, row: int, distances: Array, touches: Truths) -> list[_Part]:
+def _parts(
+    limits: SceneLimits, row: int, distances: Array, touches: Truths, sharp: float
+) -> list[_Part]:
     """The parts of a motion by faces of the body of a row that it is clear of; one or none if it
     touches no edge. ``distances``: from its faces, (N, faces), m. ``touches``: at which samples it
-    touches the body, (N,)."""
+    touches the body, (N,). ``sharp``: as of ``phases_over_edges``."""
     least = limits.bounds[0][limits.constraints.convex][row]
     over = distances - least
     faces = _fewest_changes(over)
     if faces is None:
         return []
     begins = [0, *(np.flatnonzero(np.diff(faces)) + 1).tolist()]
-    on_edge = [k > 0 and bool(touches[max(k - _NEAR_END, 0) : k + _NEAR_END].any()) for k in begins]
+    on_edge = [
+        k > 0
+        and bool(touches[max(k - _NEAR_END, 0) : k + _NEAR_END].any())
+        and bool(over[k, faces[k - 1 : k + 1]].min() < max(_INSIDE, _ROOM * sharp))
+        for k in begins
+    ]
     inside = touches.copy()
     for k in np.array(begins)[on_edge].tolist():
         inside[max(k - _NEAR_END, 0) : k + _NEAR_END] = False
@@ -183,9 +204,11 @@ def _parts(limits: SceneLimits, row: int, distances: Array, touches: Truths) -> 
     return found
 
 
-def _numbers_at(limits: SceneLimits, parts: list[list[_Part]], sample: int) -> Array:
-    """The numbers of all limits in the phase that begins at a sample; ``parts``: of each body."""
-    numbers = limits.numbers
+def _numbers_at(
+    limits: SceneLimits, parts: list[list[_Part]], sample: int, numbers: Array
+) -> Array:
+    """The numbers of all limits in the phase that begins at a sample, of those that they have there
+    but for the bodies; ``parts``: of each body."""
     for each in parts:
         own = next(part for part in reversed(each) if part.begin <= sample).numbers
         numbers = np.where(own != limits.numbers, own, numbers)
@@ -202,8 +225,7 @@ def _samples(motion: Trajectory) -> tuple[Array, Array]:
 
 def _fewest_changes(over: Array) -> Index | None:
     """Which face a motion is clear of at each sample, (N,), with as few changes as possible, each
-    where it is as far as possible from both faces. None where a face would follow its opposite one,
-    or where no sample is left at which to change.
+    where it is as far as possible from both faces. None where a face would follow its opposite one.
 
     ``over``: by how much the motion is farther from each face than it must be, (N, faces), m.
     """
@@ -216,11 +238,12 @@ def _fewest_changes(over: Array) -> Index | None:
         at += int(reach.max())
         ends.append(at)
     faces, first = np.full(len(over), order[0]), 0
-    for k, (one, other) in enumerate(pairwise(order)):
-        both = over[first + 1 : ends[k], [one, other]].min(axis=1)
-        if not len(both) or np.ptp(over[:, [one, other]].sum(axis=1)) < _OPPOSITE:
+    for end, (one, other) in zip(ends, pairwise(order), strict=False):
+        if np.ptp(over[:, [one, other]].sum(axis=1)) < _OPPOSITE:
             return None
-        first += 1 + int(both.argmax())
+        not_yet = np.flatnonzero(beyond[first:end, other])  # clear of the other one
+        first += 1 + int(not_yet.max(initial=0))
+        first += int(over[first : end + 1, [one, other]].min(axis=1).argmax())
         faces[first:] = other
     return faces
 

@@ -54,8 +54,8 @@ def first_mesh(problem: Problem, motion: Trajectory, intervals: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class FacePhases:
-    """Phases in each of which a motion keeps clear of one face of every body with sharp edges that
-    it touches, so that edges are where phases meet.
+    """The phases of a motion, in each of which it keeps clear of one face of every body with sharp
+    edges that it touches, so that phases meet on edges, and where those of the problem do.
 
     ``instants``: when they meet, fractions of the duration, (n,). ``gates``: what is given there.
     ``numbers``: of all limits in each phase, (n + 1, numbers), those of these bodies replaced by
@@ -86,5 +86,6 @@ class FacePhases:
             after = int(np.searchsorted(inside, instant))
             beside = np.concatenate([knots[:1], inside, knots[-1:]])[[after, after + 1]]
             near = _GIVES_WAY * (beside[1] - beside[0])
-            inside = np.sort(np.append(inside[np.abs(inside - instant) > near], instant))
+            stays = (np.abs(inside - instant) > near) | np.isin(inside, self.instants)
+            inside = np.unique(np.append(inside[stays], instant))
         return np.diff(np.concatenate([knots[:1], inside, knots[-1:]]))

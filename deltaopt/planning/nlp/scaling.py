@@ -194,19 +194,11 @@ class Scaling:
 
     def parameters_in_phases(self, mechanism: Array) -> list[Array]:
         """Values of ``Parameters.vector`` in each phase of the motion: an approach's differ."""
-        p = self.parameters(mechanism)
-        found = [p.copy() for _ in range(len(self.gates) + 1)]
-        phased = self.limits.phased
-        units = len(self._units)
-        if self.faces is not None:
-            for phase, numbers in zip(found, self.faces.numbers, strict=True):
-                phase[units : units + len(numbers)] = numbers
-        if phased is not None:
-            place = slice(phased.numbers.start + units, phased.numbers.stop + units)
-            in_phases = phased.limit.numbers_in_phases(p[place])
-            for phase, numbers in zip(found, in_phases, strict=True):
-                phase[place] = numbers
-        return found
+        faces, number = self.faces, len(self.gates) + 1
+        numbers = self.limits.in_phases(number) if faces is None else faces.numbers
+        found, units = np.tile(self.parameters(mechanism), (number, 1)), len(self._units)
+        found[:, units : units + numbers.shape[1]] = numbers
+        return list(found)
 
     @property
     def gates(self) -> tuple[Boundary, ...]:
