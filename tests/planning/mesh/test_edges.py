@@ -86,15 +86,18 @@ def test_the_wall_is_crossed_on_its_edge(over_the_wall):
     assert signed_distances(problem_of(WALL), x)[0][:, 0].min() >= -1e-9
 
 
-@pytest.mark.parametrize(("speed", "via"), [(0.0, []), (0.6, []), (0.0, [(0.835, 0.14, 0.0)])])
-def test_a_via_point_on_the_edge_without_the_wall_takes_as_long(speed, via):
+@pytest.mark.parametrize(
+    ("speed", "via", "tolerance"),
+    [(0.0, [], 1e-5), (0.6, [], 1e-5), (0.0, [(0.835, 0.14, 0.0)], 1e-4)],
+)
+def test_a_via_point_on_the_edge_without_the_wall_takes_as_long(speed, via, tolerance):
     """From rest, from motion, and with another via point beside the wall. The wall's motion passes
     the middle of the edge, by symmetry, and touches nothing else."""
     start = State(at=WALL.start, velocity=(0.0, speed, 0.0)) if speed else WALL.start
     wall = WALL.model_copy(update={"start": start, "via": via or None})
-    ours = plan(wall, tolerance=1e-5)
+    ours = plan(wall, tolerance=tolerance)
     through = wall.model_copy(update={"keep_out": None, "via": [(*EDGE, 0.0), *via]})
-    theirs = plan(through, tolerance=1e-5)
+    theirs = plan(through, tolerance=tolerance)
     assert ours.within_tolerance
     assert theirs.within_tolerance
     assert ours.duration == pytest.approx(theirs.duration, rel=ours.gap + theirs.gap)
