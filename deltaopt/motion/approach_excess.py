@@ -55,8 +55,8 @@ def _phases(
     limits = problem.limits
     assert limits.phased is not None
     limit = limits.phased.limit
-    in_phases = limit.numbers_in_phases(limits.numbers[limits.phased.numbers])
     begins = trajectory.knots[:-1]
     passed = np.array(passes(problem, trajectory))
+    in_phases = limits.in_phases(len(passed) + 1)[:, limits.phased.numbers]
     phase = (begins >= passed[:, None]).sum(axis=0)
     return limit, [(numbers, phase == k) for k, numbers in enumerate(in_phases)]

@@ -16,7 +16,6 @@ are rounded by less than its points are apart count as sharp.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise
 from operator import itemgetter
 
@@ -46,9 +45,9 @@ _NEAR_END = 2 * _SAMPLES
 _INSIDE = 1e-3
 """How far from its edges, m, a motion touches a face that it is not on the edge of."""
 _ROOM = 3.0
-"""From both faces beside an edge, in units of the radius up to which edges are sharp: a motion that
-is farther away does not pass on the edge. On meshes of plans it is ``_INSIDE``: in a window of 3 mm
-a motion that touches one edge is 1 mm from the opposite one."""
+"""How near a motion must come to both faces of an edge to pass on it, in units of the radius up to
+which edges are sharp, but ``_INSIDE`` at least, which rules on the meshes of plans: in a window of
+3 mm a motion that touches one edge is 1 mm from the opposite one."""
 _OPPOSITE = 1e-9
 """What the sum of the distances from two opposite faces varies by, m: they have no edge."""
 _ROUNDING = 1e-6
@@ -137,12 +136,15 @@ def phases_over_edges(
     meet.sort(key=itemgetter(0))
     instants = np.array([instant for instant, _ in meet])
     begins = [0, *np.searchsorted(times, instants).tolist()]
-    own = limits.in_phases(len(passed) + 1)
-    own = own[[0, *np.searchsorted(passed, instants, side="right").tolist()]]
-    numbers = map(partial(_numbers_at, limits, list(parts.values())), begins, own)
+    within = [0, *np.searchsorted(passed, instants, side="right").tolist()]  # of the problem's
+    of_problem = limits.in_phases(len(passed) + 1)[within]
+    numbers = [
+        _numbers_at(limits, list(parts.values()), begin, own)
+        for begin, own in zip(begins, of_problem, strict=True)
+    ]
     held = np.isin(np.arange(len(rows)), list(parts))
     gates = tuple(gate for _, gate in meet)
-    return FacePhases(_apart(instants), gates, np.array(list(numbers)), held)
+    return FacePhases(_apart(instants), gates, np.array(numbers), held)
 
 
 def _apart(instants: Array) -> Array:
@@ -207,8 +209,8 @@ def _parts(
 def _numbers_at(
     limits: SceneLimits, parts: list[list[_Part]], sample: int, numbers: Array
 ) -> Array:
-    """The numbers of all limits in the phase that begins at a sample, of those that they have there
-    but for the bodies; ``parts``: of each body."""
+    """The numbers of all limits in the phase that begins at a sample, from those of the problem's
+    phase there, ``numbers``; ``parts``: of each body."""
     for each in parts:
         own = next(part for part in reversed(each) if part.begin <= sample).numbers
         numbers = np.where(own != limits.numbers, own, numbers)

@@ -418,9 +418,7 @@ class MeshSolution:
     def as_it_is(self, highest: Array) -> MeshSolution:
         """This solution of a motion that cannot be slowed, from the highest sizes of its rows
         at all instants, (rows,)."""
-        needed, excess = _as_slowing(self.scaling, highest), self.excess
-        needed = needed if excess is None else needed.beside(float(excess.max()))
-        return replace(self, needed=needed, is_exact=True)
+        return replace(self, needed=_as_slowing(self.scaling, highest), is_exact=True)
 
     def exact(self) -> MeshSolution:
         """This solution with the safe factor of all instants instead of samples."""

@@ -193,7 +193,8 @@ class Scaling:
         return np.concatenate([self.vector(), mechanism])
 
     def parameters_in_phases(self, mechanism: Array) -> list[Array]:
-        """Values of ``Parameters.vector`` in each phase of the motion: an approach's differ."""
+        """Values of ``Parameters.vector`` in each phase of the motion: numbers of limits differ in
+        an approach, and where faces stand for bodies."""
         faces, number = self.faces, len(self.gates) + 1
         numbers = self.limits.in_phases(number) if faces is None else faces.numbers
         found, units = np.tile(self.parameters(mechanism), (number, 1)), len(self._units)

@@ -307,7 +307,8 @@ class _Trial:
         self, scene: Scene, attempt: Attempt, on_first_mesh: Callable[[Attempt], Trajectory]
     ) -> _Trial:
         """This from an attempt on its first mesh, past all bodies that the motion there runs into
-        at points of that: from this motion, which may be little beside them, or from the way."""
+        at points of that. It is solved again past these from where it is, which is mostly near the
+        best motion past them; where that is not solved, from the way."""
         motion = if_possible(ENDS_AN_ATTEMPT, on_first_mesh, attempt)
         more = motion and with_those_hit(scene, attempt.scene, motion.position)
         if motion and more:
