@@ -136,9 +136,9 @@ def _drawn_ways(
         places = resampled(path)
         if any(np.abs(places - other).max() < _SAME * bodies.way for other in known):
             continue
-        known.append(places)
         motion = driven(scene, path)
         if motion is not None:
+            known.append(places)
             found.append(Way(motion, bodies.sides(path)))
     return sorted(found, key=lambda way: way.motion.duration)
 

@@ -3,7 +3,7 @@
 A path is shifted to one side most, or to two sides one after the other, each by several sizes. Of
 the bows that would be pushed out of every body to the same side the one is pushed that can be
 driven fastest, and what it was shifted by is smoothed, again and again. Of those that are clear
-then the fastest one past bodies on the same sides is kept.
+then the fastest are kept, those alone that are well apart.
 
 Unlike a band, a bow is not drawn tight: it is as smooth as the path that it is made from, so that a
 solver which begins with it goes to the fast motions of its way rather than to the short ones.
@@ -43,6 +43,10 @@ _DRAWN = np.array([2.0, 1.0, 1.0, 1.0, 0.5, 0.3])
 steps of 1 more neighbouring problems took different ways."""
 _SLOWEST, _MOST = 2.0, 6
 """How much longer than the fastest a bow may take, and how many are kept."""
+_APART = 0.1
+"""Of the way, how far two bows that are kept are apart somewhere. When instead they had to pass a
+body on different sides, which sides hung on an edge between two of them: of 1,000 neighbouring
+problems among bodies 35 were longer than the best known by 0.2 %, not 5."""
 
 
 def bows(bodies: Bodies, base: Array) -> list[Array]:
@@ -64,9 +68,13 @@ def bows(bodies: Bodies, base: Array) -> list[Array]:
     paths = paths[_are_possible(near, paths)]
     if not len(paths):
         return []
-    taking, (passed, _) = speeds(paths)[0].sum(axis=-1), _passed(near, paths[:, _INNER])
-    found = _fastest_of_each(passed, taking)[:_MOST]
-    return [paths[k] for k in found.tolist() if taking[k] <= _SLOWEST * taking.min()]
+    taking, found = speeds(paths)[0].sum(axis=-1), list[Array]()
+    for k in np.argsort(taking, kind="stable").tolist():
+        if len(found) == _MOST or taking[k] > _SLOWEST * taking.min():
+            break
+        if all(np.abs(paths[k] - other).max() > _APART * bodies.way for other in found):
+            found.append(paths[k])
+    return found
 
 
 def _shapes() -> Array:
