@@ -45,11 +45,9 @@ class Command(Protocol):
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare its arguments."""
-        ...
 
     def run(self, arguments: argparse.Namespace) -> int:
         """Run it and return the exit code."""
-        ...
 
 
 COMMANDS = {

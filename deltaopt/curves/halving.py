@@ -70,7 +70,6 @@ class Halvable(Protocol):
 
     def halved(self, which: Truths) -> Self:
         """Both halves of some of them, (N,)."""
-        ...
 
 
 P = TypeVar("P", bound=Halvable)

@@ -25,7 +25,6 @@ class ConstraintMatrix(Protocol):
 
     def function(self, mechanism: Mechanism) -> ca.Function:
         """(t, q, p) -> C (n × ν), P (n × γ)."""
-        ...
 
 
 @dataclass(frozen=True)

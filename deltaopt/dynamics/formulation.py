@@ -23,15 +23,12 @@ class Formulation(Protocol):
 
     def residual(self, mechanism: Mechanism) -> ca.Function:
         """(t, q, q̇, q̈, τ, [λ,] p) -> zero where the motion obeys the dynamics."""
-        ...
 
     def inverse_dynamics(self, mechanism: Mechanism) -> ca.Function:
         """(t, q, q̇, q̈, p) -> τ (m), λ (γ), for a motion that obeys the constraints."""
-        ...
 
     def forward_dynamics(self, mechanism: Mechanism) -> ca.Function:
         """(t, q, q̇, τ, p) -> q̈ (n), λ (γ)."""
-        ...
 
 
 class Projected(ABC):

@@ -51,36 +51,29 @@ class Described(Protocol):
     @property
     def columns(self) -> tuple[()] | tuple[Column, Column]:
         """The cylinders about start and goal in which the tool approaches; none without."""
-        ...
 
     @property
     def kept_out(self) -> Sequence[Convex]:
         """What the tool's point must stay out of: keep-out bodies grown by the tool."""
-        ...
 
     @property
     def least_clearance(self) -> float:
         """How far it must stay out of these, m."""
-        ...
 
     @property
     def kept_links(self) -> Sequence[KeptLink]:
         """Which arms and forearms are planned to keep clear of which bodies."""
-        ...
 
     @property
     def tube(self) -> float | None:
         """How far it may be from the path that is given, m; None if it stays on it, if any."""
-        ...
 
     @property
     def axis_of_tube(self) -> Array:
         """That path: polynomials over shares from 0 to 1 of its pieces, (pieces, powers, 3), m."""
-        ...
 
     def given(self, key: str) -> Any:
         """What the scene says under ``limits`` and this key; None if nothing."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,6 @@ class Multipliers(Protocol):
     def of_rows(self) -> Array:
         """By what share the duration grows per unit by which the bound of each normalised row is
         tightened, at all instants alike, (rows,); zero or more."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

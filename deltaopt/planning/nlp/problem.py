@@ -135,29 +135,24 @@ class Program(Protocol):
     @property
     def mesh(self) -> Array:
         """Lengths of the intervals as fractions of the duration, (N,)."""
-        ...
 
     @property
     def points(self) -> Array:
         """Fractions of every interval where the limits are imposed."""
-        ...
 
     @property
     def finest(self) -> int:
         """Number of intervals of the finest mesh that is worth its solver's time."""
-        ...
 
     @property
     def takes_phases(self) -> bool:
         """Whether its solver finds motions in phases."""
-        ...
 
     def solve(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
         """Find the best motion on this mesh.
 
         ``parameters``: values of the mechanism's parameters. Raises NotConverged.
         """
-        ...
 
 
 Formulated = Callable[[Array], Program]
