@@ -129,7 +129,7 @@ def truth_beside(scene: deltaopt.Scene, plan: Trajectory, tolerance: float) -> T
     problem = deltaopt.flat.of(model.functions, LINEAR, scaling.constraints)
     switches: SwitchResolver | None = None
     if tolerance < RESOLVED_BELOW:
-        switches = resolver(scaling, model, tolerance, _silent)
+        switches = resolver(scaling, tolerance, _silent)
         if tolerance >= min(TOLERANCES) * _TRUER:
             switches = _Once(**vars(switches))
     refinement = Refinement(problem, scaling, tolerance, switches, _silent)

@@ -40,9 +40,8 @@ def first_guess(scene: Scene, tolerance: float) -> Guess:
 
 def resolved(scene: Scene) -> ResolvedMotion:
     """To 1e-6, from the planner's own first mesh."""
-    model, scaling = delta_model(scene.robot, scene.payload), scaling_of(scene)
-    problem = flat_equations(scene)
-    with_switches = resolver(scaling, model, 1e-6, print)
+    scaling, problem = scaling_of(scene), flat_equations(scene)
+    with_switches = resolver(scaling, 1e-6, print)
     refinement = Refinement(problem, scaling, 1e-6, with_switches, print)
     found = refinement.from_guess(first_guess(scene, 1e-4), np.full(16, 1 / 16))
     assert found is not None

@@ -223,7 +223,7 @@ class TrajectoryOptimiser:
             return None
         from deltaopt.planning.switching.resolver import resolver
 
-        return resolver(scaling, scaling.problem.model, self.tolerance, report)
+        return resolver(scaling, self.tolerance, report)
 
     def _plan_effort(self, attempt: Attempt, report: Progress) -> Plan:
         """Plan for an objective that contains effort, beginning with the fastest motion.

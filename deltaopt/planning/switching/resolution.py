@@ -26,7 +26,6 @@ from deltaopt.planning.switching.kkt_system import KKTSystem
 from deltaopt.planning.switching.newton import NewtonFailed, StationaryPoint, solve_conditions
 from deltaopt.planning.switching.residuals import OptimalityResiduals
 from deltaopt.planning.switching.structure import Arc, SwitchingStructure, changed
-from deltaopt.robot.machine import Model
 
 _DEGREE = 8
 """Degree of the acceleration in an interval: a lower one asks for more intervals, a higher one for
@@ -109,43 +108,6 @@ class _Candidate:
         return self.mesh.most_modes < _MOST_MODES
 
 
-def resolve_switches(
-    rows: ConstraintRows,
-    model: Model,
-    structure: SwitchingStructure,
-    guess: Trajectory,
-    scaling: Scaling,
-    tolerance: float,
-    barrier: float = 0.0,
-) -> ResolvedMotion:
-    """The optimal motion whose structure is near the given one, with a gap within ``tolerance``.
-
-    ``guess``: a motion of about this structure. ``barrier``: as of
-    ``OptimalityConditions``.
-
-    Raises Unresolved if no such motion is found.
-    """
-    task = _Task(rows, model, scaling, tolerance, barrier)
-    waiting, seen, iterations = [(_Candidate.of(structure), guess)], [structure.limits], 0
-    for _ in range(_ATTEMPTS):
-        candidate, guess = waiting.pop()
-        try:
-            outcome = task.outcome(candidate, guess)
-        except NewtonFailed as error:
-            if not waiting:
-                raise Unresolved(str(error), "Stuck", guess) from None
-            continue
-        iterations += outcome.iterations
-        if outcome.resolved:
-            return replace(outcome.resolved, iterations=iterations)
-        new = _unseen(outcome.better, candidate, seen)
-        waiting += [(each, outcome.trajectory) for each in reversed(new)]
-        if not waiting:
-            message = "no other structure is known to be better"
-            raise Unresolved(message, "Cycle", outcome.trajectory)
-    raise Unresolved(f"no structure is right after {_ATTEMPTS}", "Too_Many", guess)
-
-
 @dataclass(frozen=True)
 class _Outcome:
     """What Newton's method made of a candidate: the motion, the result if it is one, otherwise
@@ -158,29 +120,54 @@ class _Outcome:
 
 
 @dataclass(frozen=True)
-class _Task:
-    """What is the same for all candidates."""
+class SwitchResolution:
+    """What is the same for all structures. ``barrier``: as of ``OptimalityConditions``."""
 
     rows: ConstraintRows
-    model: Model
     scaling: Scaling
     tolerance: float
-    barrier: float
+    barrier: float = 0.0
 
-    def outcome(self, candidate: _Candidate, guess: Trajectory) -> _Outcome:
+    def from_structure(self, structure: SwitchingStructure, guess: Trajectory) -> ResolvedMotion:
+        """The optimal motion whose structure is near the given one, with a gap within the
+        tolerance. ``guess``: a motion of about this structure.
+
+        Raises Unresolved if no such motion is found.
+        """
+        waiting, seen, iterations = [(_Candidate.of(structure), guess)], [structure.limits], 0
+        for _ in range(_ATTEMPTS):
+            candidate, guess = waiting.pop()
+            try:
+                outcome = self._outcome(candidate, guess)
+            except NewtonFailed as error:
+                if not waiting:
+                    raise Unresolved(str(error), "Stuck", guess) from None
+                continue
+            iterations += outcome.iterations
+            if outcome.resolved:
+                return replace(outcome.resolved, iterations=iterations)
+            new = _unseen(outcome.better, candidate, seen)
+            waiting += [(each, outcome.trajectory) for each in reversed(new)]
+            if not waiting:
+                message = "no other structure is known to be better"
+                raise Unresolved(message, "Cycle", outcome.trajectory)
+        raise Unresolved(f"no structure is right after {_ATTEMPTS}", "Too_Many", guess)
+
+    def _outcome(self, candidate: _Candidate, guess: Trajectory) -> _Outcome:
         """Solves for a candidate and examines what is found. Raises NewtonFailed."""
+        model = self.scaling.problem.model
         conditions = OptimalityConditions(
             self.rows,
             candidate.structure,
             candidate.mesh,
             self.scaling.at_goal,
-            self.scaling.parameters(self.model.parameters),
+            self.scaling.parameters(model.parameters),
             candidate.end_values,
             self.barrier,
         )
         found = solve_conditions(conditions, guess, self.scaling)
         candidate = candidate.with_lengths_of(found)
-        trajectory = Trajectory(conditions.polynomial(found.point, self.scaling), self.model)
+        trajectory = Trajectory(conditions.polynomial(found.point, self.scaling), model)
         if candidate.structure.lengths.min() <= 0:
             reordered = _Candidate.of(changed(candidate.structure, []), candidate.more_modes)
             return _Outcome(trajectory, found.iterations, None, [reordered])

@@ -27,9 +27,8 @@ from deltaopt.planning.switching.detection import (
     DetectionSettings,
     detect_structure,
 )
-from deltaopt.planning.switching.resolution import ResolvedMotion, Unresolved, resolve_switches
+from deltaopt.planning.switching.resolution import ResolvedMotion, SwitchResolution, Unresolved
 from deltaopt.planning.switching.structure import Arc, SwitchingStructure
-from deltaopt.robot.machine import Model
 
 _ACTIVE = 1 - 1e-3
 """Size of a row from which on a limit is taken to matter for a motion. A lesser one would give
@@ -51,7 +50,6 @@ class SwitchResolver:
     rows: ConstraintRows
     all_rows: ConstraintRows
     scaling: Scaling
-    model: Model
     tolerance: float
     tell: Callable[[str], None]
 
@@ -84,6 +82,7 @@ class SwitchResolver:
         size = self.all_rows.constraints.size(last.rows)
         if not self.rows.can_be_held or (size[..., ~held] > _ACTIVE).any():
             return None
+        resolution = SwitchResolution(self.rows, self.scaling, self.tolerance)
         tried = set[tuple[Arc, ...]]()
         rows = ByOrder.of(constraints, last.rows[..., held])
         multipliers = None
@@ -97,14 +96,8 @@ class SwitchResolver:
             tried.add(structure.limits)
             for barrier in self._barriers(structure):
                 try:
-                    resolved = resolve_switches(
-                        self.rows,
-                        self.model,
-                        structure,
-                        last.trajectory,
-                        self.scaling,
-                        self.tolerance,
-                        barrier,
+                    resolved = replace(resolution, barrier=barrier).from_structure(
+                        structure, last.trajectory
                     )
                 except Unresolved as error:
                     self.tell(f"{len(structure.limits)} arcs: not resolved yet: {error}")
@@ -134,13 +127,12 @@ class SwitchResolver:
         return 0.0, self.tolerance / 10
 
 
-def resolver(
-    scaling: Scaling, model: Model, tolerance: float, tell: Callable[[str], None]
-) -> SwitchResolver:
+def resolver(scaling: Scaling, tolerance: float, tell: Callable[[str], None]) -> SwitchResolver:
     """For a scene; where arcs can hold none of its motions it certifies mesh solutions only."""
-    all_rows = constraint_rows(point_equations(model.functions, scaling.constraints))
+    functions = scaling.problem.model.functions
+    all_rows = constraint_rows(point_equations(functions, scaling.constraints))
     if all_rows.can_be_held:
-        return SwitchResolver(all_rows, all_rows, scaling, model, tolerance, tell)
+        return SwitchResolver(all_rows, all_rows, scaling, tolerance, tell)
     held = replace(scaling, kept=holdable(scaling.constraints))
-    rows = constraint_rows(point_equations(model.functions, held.constraints))
-    return SwitchResolver(rows, all_rows, held, model, tolerance, tell)
+    rows = constraint_rows(point_equations(functions, held.constraints))
+    return SwitchResolver(rows, all_rows, held, tolerance, tell)

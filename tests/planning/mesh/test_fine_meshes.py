@@ -118,8 +118,8 @@ def test_tightening_cures_what_slowing_pays_for():
 
 def searched_for(scene: Scene, tolerance: float) -> Refinement:
     """On meshes alone, from a coarse one to a fine one."""
-    model, scaling = delta_model(scene.robot, scene.payload), scaling_of(scene)
-    switches = resolver(scaling, model, tolerance, print)
+    scaling = scaling_of(scene)
+    switches = resolver(scaling, tolerance, print)
     found = Refinement(flat_equations(scene), scaling, tolerance, switches, print)
     found._coarse_left = found._fine_left = 0
     found.from_guess(first_guess(scene, 1e-4), np.full(16, 1 / 16))

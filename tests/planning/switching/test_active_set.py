@@ -16,7 +16,7 @@ from deltaopt.planning.switching.conditions import state_rows
 from deltaopt.planning.switching.kkt_system import KKTSystem
 from deltaopt.planning.switching.newton import solve_conditions
 from deltaopt.planning.switching.residuals import OptimalityResiduals
-from deltaopt.planning.switching.resolution import ResolvedMotion, resolve_switches
+from deltaopt.planning.switching.resolution import ResolvedMotion, SwitchResolution
 from deltaopt.planning.switching.structure import (
     ActiveLimits,
     SwitchingStructure,
@@ -102,11 +102,8 @@ def speed(trajectory: Trajectory, time: float) -> np.ndarray:
 
 def resolved_from(structure: SwitchingStructure) -> ResolvedMotion:
     found, scene = resolved(NUMBER), random_move("industrial", NUMBER)
-    model = found.trajectory.model
-    scaling = scaling_of(scene)
-    return resolve_switches(
-        found.conditions.rows, model, structure, found.trajectory, scaling, 1e-6
-    )
+    resolution = SwitchResolution(found.conditions.rows, scaling_of(scene), 1e-6)
+    return resolution.from_structure(structure, found.trajectory)
 
 
 @pytest.mark.parametrize("longer", [0.6, 1.5])
