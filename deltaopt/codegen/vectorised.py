@@ -58,24 +58,15 @@ class RowFunction:
         number = _number(shapes, self._single)
         if self._code is None:
             return self._interpreted(rows, parameters)
-        if shapes == self._single:
-            return self._one(rows, parameters)
         if number > _FEW:
             return self._many(rows, number, parameters)
-        return self._few(rows, number, parameters)
+        return self._few(rows, 0 if shapes == self._single else slice(number), parameters)
 
-    def _one(self, point: Sequence[ArrayLike], parameters: Array) -> Checked:
-        memory = self._memory()
-        failures = memory.call(self._code, memory.point, 1, point, parameters)
-        results = tuple([r.copy() for r in memory.point_results])
-        self._unused.append(memory)
-        return results, np.ones(1, dtype=bool) if failures else None
-
-    def _few(self, rows: list[Array], number: int, parameters: Array) -> Checked:
-        memory = self._memory()
-        inputs = [own[:number] for own in memory.inputs]
-        failures = memory.call(self._code, inputs, number, rows, parameters)
-        results = tuple([r[:number].copy() for r in memory.results])
+    def _few(self, rows: list[Array], which: int | slice, parameters: Array) -> Checked:
+        """At the first few points of a memory, or at its first one, as a single point."""
+        memory, number = self._memory(), which.stop if isinstance(which, slice) else 1
+        failures = memory.call(self._code, which, number, rows, parameters)
+        results = tuple([r[which].copy() for r in memory.results])
         failed = memory.failed[:number].copy() if failures else None
         self._unused.append(memory)
         return results, failed
@@ -156,8 +147,6 @@ class _Memory:
         self.parameters = np.empty(function.times * function.function.size1_in(len(sizes)))
         self.results = [np.empty((_FEW, size)) for size in function._sizes]
         self.failed = np.empty(_FEW, dtype=bool)
-        self.point = [a[0] for a in self.inputs]
-        self.point_results = [r[0] for r in self.results]
         self._description = _description(
             0, self.inputs, sizes, self.parameters, self.results, self.failed
         )
@@ -166,14 +155,14 @@ class _Memory:
     def call(
         self,
         code: Any,
-        inputs: list[Array],
+        which: int | slice,
         number: int,
         arguments: Sequence[ArrayLike],
         parameters: Array,
     ) -> int:
-        """Evaluate at points whose arguments are copied to ``inputs``; how many guards fail."""
-        for own, given in zip(inputs, arguments, strict=False):
-            own[...] = given
+        """Evaluate at points whose arguments are copied to those rows; how many guards fail."""
+        for own, given in zip(self.inputs, arguments, strict=False):
+            own[which] = given
         self.parameters[...] = parameters
         self._description[0] = number
         failures: int = code(self._address)
