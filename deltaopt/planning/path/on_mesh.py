@@ -78,11 +78,31 @@ def fastest_on_mesh(
     inwards in each cell, (N, owners). Raises Unattainable where there is none, Unreachable or
     Singular where the platform cannot be.
     """
-    if rows.function.address is not None:
-        code = compiled()
-        if code is not None:
-            return _compiled(code, rows, mesh, tangency, ends, tighter)
-    return by_arrays(rows, mesh, tangency, ends, tighter)
+    code = None if rows.function.address is None else compiled()
+    if code is None:
+        return by_arrays(rows, mesh, tangency, ends, tighter)
+    begin = perf_counter()
+    n, curve = len(mesh.nodes) - 1, mesh.path.stacked
+    others = rows.others(mesh.ends, tangency.halfway) if len(rows.curved) else None
+    more = None if others is None else np.stack(list(vars(others).values()))
+    number = 0 if others is None else others.alpha.shape[1]
+    sizes = n, len(rows.sides), number, curve.shape[1], len(curve), int(rows.are_convex)
+    numbers = *ends, FASTEST, SERIES, STOPPING, LONGEST, RESTING
+    arrays = [mesh.path.knots, curve, mesh.nodes, *tangency.last, more, tighter, rows.bounds]
+    arrays += [INSIDE, rows.parameters]
+    status, results, seconds = run(code, rows.function, sizes, numbers, arrays)
+    if status == _NO_NUMBERS:
+        by_arrays(rows, mesh, tangency, ends, tighter)  # says what is the matter
+    if status == _NO_MEMORY:
+        raise MemoryError(f"a mesh of {n} cells")
+    if status:
+        raise Unattainable(status - 1 if status > 0 else None)
+    squares, rest = results[: n + 1], results[n + 1 :]
+    durations, losses, stops = rest[2 * n : 5 * n].reshape(3, n)
+    motion = MeshMotion(mesh, Speeds(squares, rest[: 2 * n].reshape(n, 2)), durations, stops != 0)
+    spent = Spent(perf_counter() - begin - seconds, seconds)
+    beyond = rest[5 * n :].reshape(n, len(INSIDE), -1)
+    return OnMesh(motion, tangency, tighter, beyond, losses, spent)
 
 
 def by_arrays(
@@ -155,38 +175,6 @@ def run(
     call = _Mesh(*sizes, *numbers, *addresses, function.address, results.ctypes.data, 0.0)
     status = code.on_mesh(ctypes.byref(call))
     return status, results, call.seconds
-
-
-def _compiled(
-    code: Any,
-    rows: PathRows,
-    mesh: PathMesh,
-    tangency: Tangency,
-    ends: tuple[float, float],
-    tighter: Array | None,
-) -> OnMesh:
-    begin = perf_counter()
-    n, curve = len(mesh.nodes) - 1, mesh.path.stacked
-    others = rows.others(mesh.ends, tangency.halfway) if len(rows.curved) else None
-    more = None if others is None else np.stack(list(vars(others).values()))
-    number = 0 if others is None else others.alpha.shape[1]
-    sizes = n, len(rows.sides), number, curve.shape[1], len(curve), int(rows.are_convex)
-    numbers = *ends, FASTEST, SERIES, STOPPING, LONGEST, RESTING
-    arrays = [mesh.path.knots, curve, mesh.nodes, *tangency.last, more, tighter, rows.bounds]
-    arrays += [INSIDE, rows.parameters]
-    status, results, seconds = run(code, rows.function, sizes, numbers, arrays)
-    if status == _NO_NUMBERS:
-        by_arrays(rows, mesh, tangency, ends, tighter)  # says what is the matter
-    if status == _NO_MEMORY:
-        raise MemoryError(f"a mesh of {n} cells")
-    if status:
-        raise Unattainable(status - 1 if status > 0 else None)
-    squares, rest = results[: n + 1], results[n + 1 :]
-    durations, losses, stops = rest[2 * n : 5 * n].reshape(3, n)
-    motion = MeshMotion(mesh, Speeds(squares, rest[: 2 * n].reshape(n, 2)), durations, stops != 0)
-    spent = Spent(perf_counter() - begin - seconds, seconds)
-    beyond = rest[5 * n :].reshape(n, len(INSIDE), -1)
-    return OnMesh(motion, tangency, tighter, beyond, losses, spent)
 
 
 @dataclass(frozen=True, eq=False)
