@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from deltaopt.errors import SceneError
 from deltaopt.files.csv_table import WrongCsv, read_csv
 from deltaopt.files.units import DURATION
-from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Text
+from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Text, optional
 from deltaopt.files.yaml_file import place_of, read_yaml
 from deltaopt.scene.scene_file import load_job
 from deltaopt.sensitivity.keys import Content, changed
@@ -49,7 +49,7 @@ class Catalogue(Record):
 
     file: Text = Field(description="the path of a CSV file, relative to this file")
     name: Text = Field(description="the head of the column with names")
-    price: Text | None = Field(default=None, description="the head of the column with prices")
+    price: Text | None = optional("the head of the column with prices")
     number: Positive = Field(default=1.0, description="a number greater than 0")
     columns: dict[str, Text] = Field(description=f"for each key ({_KEY}) the head of a column")
 
@@ -67,7 +67,7 @@ class DesignFile(Record):
     catalogues: tuple[Catalogue, ...] = Field((), description=_CATALOGUES)
     over: Literal["sum", "worst"] = Field(default="sum", description="sum or worst")
     per_second: NonNegative = Field(default=1.0, description="a price, at least 0")
-    longest: Annotated[Positive, DURATION] | None = Field(None, description=_LONGEST)
+    longest: Annotated[Positive, DURATION] | None = optional(_LONGEST)
 
 
 @dataclass(frozen=True)

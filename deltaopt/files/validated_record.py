@@ -62,6 +62,11 @@ def vector3(values: Iterable[float]) -> Vector3:
     return x, y, z
 
 
+def optional(expected: str, **rules: Any) -> Any:
+    """A key that may be left out: what it is expected to be, and rules of pydantic for it."""
+    return Field(default=None, description=expected, **rules)
+
+
 def per_motor(limit: float | Vector3) -> Vector3:
     """The limit of each motor, from one number for all or one for each."""
     return limit if isinstance(limit, tuple) else (limit, limit, limit)

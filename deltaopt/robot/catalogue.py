@@ -22,7 +22,7 @@ from pydantic import Field, model_validator
 
 from deltaopt.errors import SceneError
 from deltaopt.files.units import MOTOR_SPEED, MOTOR_TORQUE, RATIO, ROTOR_INERTIA, TORQUE
-from deltaopt.files.validated_record import NonNegative, Positive, Record
+from deltaopt.files.validated_record import NonNegative, Positive, Record, optional
 
 Curve = tuple[tuple[float, float], ...]
 """Points (speed, torque) of a torque curve, in rad/s and N·m, straight between them."""
@@ -65,16 +65,16 @@ class Motor(Record):
     peak_torque: Annotated[Positive, MOTOR_TORQUE] = Field(
         description="a torque in N·m, greater than 0"
     )
-    rated_torque: Annotated[Positive, MOTOR_TORQUE] | None = Field(
-        default=None, description="a torque in N·m, greater than 0, at most the peak torque"
+    rated_torque: Annotated[Positive, MOTOR_TORQUE] | None = optional(
+        "a torque in N·m, greater than 0, at most the peak torque"
     )
-    max_speed: Annotated[Positive, MOTOR_SPEED] | None = Field(
-        default=None, description="an angular speed in rad/s, greater than 0"
+    max_speed: Annotated[Positive, MOTOR_SPEED] | None = optional(
+        "an angular speed in rad/s, greater than 0"
     )
-    inertia: Annotated[NonNegative, ROTOR_INERTIA] | None = Field(
-        default=None, description="a moment of inertia in kg·m², at least 0"
+    inertia: Annotated[NonNegative, ROTOR_INERTIA] | None = optional(
+        "a moment of inertia in kg·m², at least 0"
     )
-    curve: CurvePoints | None = Field(default=None, description=CURVE)
+    curve: CurvePoints | None = optional(CURVE)
 
     @model_validator(mode="after")
     def _torques_fit(self) -> Self:
@@ -105,18 +105,17 @@ class Gear(Record):
     efficiency: Annotated[Positive, Field(le=1), RATIO] = Field(
         default=1.0, description="a number greater than 0 and at most 1"
     )
-    inertia: Annotated[NonNegative, ROTOR_INERTIA] | None = Field(
-        default=None, description="a moment of inertia in kg·m² at the motor's side, at least 0"
+    inertia: Annotated[NonNegative, ROTOR_INERTIA] | None = optional(
+        "a moment of inertia in kg·m² at the motor's side, at least 0"
     )
-    peak_torque: Annotated[Positive, TORQUE] | None = Field(
-        default=None, description="a torque in N·m at the arm, greater than 0"
+    peak_torque: Annotated[Positive, TORQUE] | None = optional(
+        "a torque in N·m at the arm, greater than 0"
     )
-    nominal_torque: Annotated[Positive, TORQUE] | None = Field(
-        default=None,
-        description="a torque in N·m at the arm, greater than 0, at most the peak torque",
+    nominal_torque: Annotated[Positive, TORQUE] | None = optional(
+        "a torque in N·m at the arm, greater than 0, at most the peak torque"
     )
-    input_speed: Annotated[Positive, MOTOR_SPEED] | None = Field(
-        default=None, description="an angular speed in rad/s at the motor, greater than 0"
+    input_speed: Annotated[Positive, MOTOR_SPEED] | None = optional(
+        "an angular speed in rad/s at the motor, greater than 0"
     )
 
     @model_validator(mode="after")

@@ -9,7 +9,14 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 
 from deltaopt.errors import SceneError
 from deltaopt.files.units import ANGULAR_SPEED, INERTIA, TORQUE, TORQUE_RATE, VISCOUS_FRICTION
-from deltaopt.files.validated_record import NonNegative, PerMotor, Positive, Record, per_motor
+from deltaopt.files.validated_record import (
+    NonNegative,
+    PerMotor,
+    Positive,
+    Record,
+    optional,
+    per_motor,
+)
 from deltaopt.robot.catalogue import (
     CURVE,
     Brake,
@@ -36,16 +43,13 @@ class Friction(Record):
     ``coulomb`` alone.
     """
 
-    viscous: Annotated[NonNegative, VISCOUS_FRICTION] | None = Field(
-        default=None, description="a friction in N·m·s/rad, at least 0"
+    viscous: Annotated[NonNegative, VISCOUS_FRICTION] | None = optional(
+        "a friction in N·m·s/rad, at least 0"
     )
-    coulomb: Annotated[NonNegative, TORQUE] | None = Field(
-        default=None, description="a torque in N·m, at least 0"
-    )
-    speed: Annotated[Positive, ANGULAR_SPEED] | None = Field(
-        default=None,
-        description="an angular speed in rad/s, greater than 0, within which Coulomb friction "
-        f"changes its sign: {_SIGN_CHANGES_WITHIN:g} unless given",
+    coulomb: Annotated[NonNegative, TORQUE] | None = optional("a torque in N·m, at least 0")
+    speed: Annotated[Positive, ANGULAR_SPEED] | None = optional(
+        "an angular speed in rad/s, greater than 0, within which Coulomb friction "
+        f"changes its sign: {_SIGN_CHANGES_WITHIN:g} unless given"
     )
 
     @model_validator(mode="before")
@@ -81,32 +85,28 @@ class Drive(Record):
     torque: Annotated[PerMotor, TORQUE] = Field(
         description="one torque in N·m, greater than 0, or three"
     )
-    speed: Annotated[PerMotor, ANGULAR_SPEED] | None = Field(
-        default=None, description="one angular speed in rad/s, greater than 0, or three"
+    speed: Annotated[PerMotor, ANGULAR_SPEED] | None = optional(
+        "one angular speed in rad/s, greater than 0, or three"
     )
-    inertia: Annotated[NonNegative, INERTIA] | None = Field(
-        default=None, description="a moment of inertia in kg·m² at the arm, at least 0"
+    inertia: Annotated[NonNegative, INERTIA] | None = optional(
+        "a moment of inertia in kg·m² at the arm, at least 0"
     )
-    friction: Friction | None = Field(
-        default=None, description="a mapping with some of the keys viscous, coulomb, speed"
+    friction: Friction | None = optional("a mapping with some of the keys viscous, coulomb, speed")
+    torque_curve: CurvePoints | None = optional(CURVE)
+    rms_torque: Annotated[PerMotor, TORQUE] | None = optional(
+        "one torque in N·m, greater than 0, or three"
     )
-    torque_curve: CurvePoints | None = Field(default=None, description=CURVE)
-    rms_torque: Annotated[PerMotor, TORQUE] | None = Field(
-        default=None, description="one torque in N·m, greater than 0, or three"
+    torque_rate: Annotated[PerMotor, TORQUE_RATE] | None = optional(
+        "one rate of torque in N·m/s, greater than 0, or three"
     )
-    torque_rate: Annotated[PerMotor, TORQUE_RATE] | None = Field(
-        default=None, description="one rate of torque in N·m/s, greater than 0, or three"
+    motor: Motor | None = optional(
+        "a mapping with the key peak_torque and, as far as known, rated_torque, "
+        "max_speed, inertia, curve"
     )
-    motor: Motor | None = Field(
-        default=None,
-        description="a mapping with the key peak_torque and, as far as known, rated_torque, "
-        "max_speed, inertia, curve",
-    )
-    brake: Brake | None = Field(default=None, description="a mapping with the key inertia")
-    gear: Gear | None = Field(
-        default=None,
-        description="a mapping with the key ratio and, as far as known, efficiency, inertia, "
-        "peak_torque, nominal_torque, input_speed",
+    brake: Brake | None = optional("a mapping with the key inertia")
+    gear: Gear | None = optional(
+        "a mapping with the key ratio and, as far as known, efficiency, inertia, "
+        "peak_torque, nominal_torque, input_speed"
     )
 
     @model_validator(mode="before")

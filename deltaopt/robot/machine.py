@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Self
 
 from numpy.typing import ArrayLike
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
@@ -25,6 +25,7 @@ from deltaopt.files.validated_record import (
     Positive,
     Record,
     Vector3,
+    optional,
     per_motor,
     vector3,
 )
@@ -41,12 +42,10 @@ class Workspace(Record):
     None where there is no such limit.
     """
 
-    depth: Annotated[tuple[Number, Number], LENGTH] | None = Field(
-        default=None, description="two coordinates [least, largest] in m, the first the lesser"
+    depth: Annotated[tuple[Number, Number], LENGTH] | None = optional(
+        "two coordinates [least, largest] in m, the first the lesser"
     )
-    radius: Annotated[Positive, LENGTH] | None = Field(
-        default=None, description="a length in m, greater than 0"
-    )
+    radius: Annotated[Positive, LENGTH] | None = optional("a length in m, greater than 0")
 
     @model_validator(mode="after")
     def _is_somewhere(self) -> Self:

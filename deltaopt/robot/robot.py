@@ -23,6 +23,7 @@ from deltaopt.files.validated_record import (
     Record,
     Text,
     Vector3,
+    optional,
 )
 from deltaopt.files.yaml_file import read_yaml
 from deltaopt.robot.drive import Drive
@@ -45,13 +46,13 @@ class UpperArm(Record):
 
     length: Annotated[Positive, LENGTH] = Field(description="a length in m, greater than 0")
     mass: Annotated[NonNegative, MASS] = Field(description="a mass in kg, at least 0")
-    inertia: Annotated[NonNegative, INERTIA] | None = Field(
-        default=None, description="a moment of inertia in kg·m², at least 0"
+    inertia: Annotated[NonNegative, INERTIA] | None = optional(
+        "a moment of inertia in kg·m², at least 0"
     )
-    centre: Annotated[tuple[Number, Number], LENGTH] | None = Field(
-        default=None, description="two lengths in m: along the line shaft-elbow, and across it"
+    centre: Annotated[tuple[Number, Number], LENGTH] | None = optional(
+        "two lengths in m: along the line shaft-elbow, and across it"
     )
-    radius: Annotated[Positive, WIDTH] | None = Field(default=None, description=_RADIUS)
+    radius: Annotated[Positive, WIDTH] | None = optional(_RADIUS)
 
 
 class Elbow(Record):
@@ -72,10 +73,10 @@ class Forearm(Record):
     mass: Annotated[NonNegative, MASS] = Field(
         description="a mass in kg (of the pair of bars), at least 0"
     )
-    inertia: Annotated[tuple[NonNegative, NonNegative, NonNegative], INERTIA] | None = Field(
-        default=None, description="three principal moments of inertia in kg·m², each at least 0"
+    inertia: Annotated[tuple[NonNegative, NonNegative, NonNegative], INERTIA] | None = optional(
+        "three principal moments of inertia in kg·m², each at least 0"
     )
-    radius: Annotated[Positive, WIDTH] | None = Field(default=None, description=_RADIUS)
+    radius: Annotated[Positive, WIDTH] | None = optional(_RADIUS)
 
     @model_validator(mode="after")
     def _inertia_is_of_a_body(self) -> Self:
@@ -94,8 +95,8 @@ class Platform(Record):
     """
 
     mass: Annotated[Positive, MASS] = Field(description="a mass in kg, greater than 0")
-    pins: Annotated[NonNegative, SMALL_MASS] | None = Field(
-        default=None, description="a mass in kg for each chain, at least 0"
+    pins: Annotated[NonNegative, SMALL_MASS] | None = optional(
+        "a mass in kg for each chain, at least 0"
     )
 
 
@@ -123,16 +124,14 @@ class Robot(Machine):
     """
 
     name: Name = Field(description="the robot's name, a line of at most 200 printable characters")
-    source: Text | None = Field(default=None, description="a text saying whence the numbers come")
+    source: Text | None = optional("a text saying whence the numbers come")
     base_radius: Annotated[NonNegative, LENGTH] = Field(description="a length in m, at least 0")
     platform_radius: Annotated[NonNegative, LENGTH] = Field(description="a length in m, at least 0")
     upper_arm: UpperArm = Field(description="a mapping with the keys length and mass")
     forearm: Forearm = Field(description="a mapping with the keys length and mass")
-    elbow: Elbow | None = Field(default=None, description="a mapping with the key mass")
+    elbow: Elbow | None = optional("a mapping with the key mass")
     platform: Platform = Field(description="a mapping with the key mass")
-    tool: Tool | None = Field(
-        default=None, description="a mapping with some of the keys offset, mass, radius, shapes"
-    )
+    tool: Tool | None = optional("a mapping with some of the keys offset, mass, radius, shapes")
     drive: Drive = Field(
         description="a mapping with the key torque (N·m) and, if speeds are limited, speed (rad/s)"
     )
@@ -140,12 +139,8 @@ class Robot(Machine):
         default=9.81,
         description="an acceleration in m/s², at least 0, downward, or a vector [x, y, z]",
     )
-    joints: Joints | None = Field(
-        default=None, description="a mapping with some of the keys zero, sign, arm, ball"
-    )
-    workspace: Workspace | None = Field(
-        default=None, description="a mapping with some of the keys depth, radius"
-    )
+    joints: Joints | None = optional("a mapping with some of the keys zero, sign, arm, ball")
+    workspace: Workspace | None = optional("a mapping with some of the keys depth, radius")
 
     def __repr__(self) -> str:
         arm, forearm = 1e3 * self.upper_arm.length, 1e3 * self.forearm.length

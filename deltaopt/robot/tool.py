@@ -9,7 +9,15 @@ from pydantic import Field, create_model, model_validator
 
 from deltaopt.errors import SceneError
 from deltaopt.files.units import EXTENT, LENGTH, MASS, WIDTH
-from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Vector3, vector3
+from deltaopt.files.validated_record import (
+    NonNegative,
+    Number,
+    Positive,
+    Record,
+    Vector3,
+    optional,
+    vector3,
+)
 
 Point = Annotated[tuple[Number, Number, Number], LENGTH]
 Corner = Annotated[tuple[Number, Number, Number], EXTENT]
@@ -118,9 +126,9 @@ class Shape(OneOf):
     """One shape of a tool about the tool's point, in the base's frame: the platform does not
     turn."""
 
-    sphere: Sphere | None = Field(default=None, description="a mapping with centre, radius")
-    box: Box | None = Field(default=None, description="a mapping with from, to")
-    capsule: Capsule | None = Field(default=None, description="a mapping with from, to, radius")
+    sphere: Sphere | None = optional("a mapping with centre, radius")
+    box: Box | None = optional("a mapping with from, to")
+    capsule: Capsule | None = optional("a mapping with from, to, radius")
     kinds: ClassVar[str] = _SHAPES
 
     @property
@@ -142,13 +150,11 @@ class Tool(Record):
         0.25
     """
 
-    offset: Point | None = Field(default=None, description=POINT)
-    mass: Annotated[NonNegative, MASS] | None = Field(
-        default=None, description="a mass in kg, at least 0"
-    )
-    radius: Annotated[Positive, WIDTH] | None = Field(default=None, description=RADIUS)
-    shapes: tuple[Shape, ...] | None = Field(
-        default=None, description=f"a list of shapes about the tool's point, each {_SHAPES}"
+    offset: Point | None = optional(POINT)
+    mass: Annotated[NonNegative, MASS] | None = optional("a mass in kg, at least 0")
+    radius: Annotated[Positive, WIDTH] | None = optional(RADIUS)
+    shapes: tuple[Shape, ...] | None = optional(
+        f"a list of shapes about the tool's point, each {_SHAPES}"
     )
 
     @model_validator(mode="after")

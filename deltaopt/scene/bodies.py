@@ -23,7 +23,7 @@ from pydantic import Field, model_validator
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError, in_words
 from deltaopt.files.units import RATIO
-from deltaopt.files.validated_record import Number, Record, Vector3, vector3
+from deltaopt.files.validated_record import Number, Record, Vector3, optional, vector3
 from deltaopt.robot.solids import ALONG_THE_BASE, MOST_TRIANGLES, Axes, Convex, Polytope, Solid
 from deltaopt.robot.tool import (
     POINT,
@@ -118,11 +118,11 @@ class Body(OneOf):
         (1.0, 0.0, 0.0)
     """
 
-    box: Box | None = Field(default=None, description="a mapping with from, to")
-    sphere: Sphere | None = Field(default=None, description="a mapping with centre, radius")
-    cylinder: Cylinder | None = Field(default=None, description="a mapping with from, to, radius")
-    half_space: HalfSpace | None = Field(default=None, description="a mapping with point, normal")
-    hull: Hull | None = Field(default=None, description="a mapping with points or file")
+    box: Box | None = optional("a mapping with from, to")
+    sphere: Sphere | None = optional("a mapping with centre, radius")
+    cylinder: Cylinder | None = optional("a mapping with from, to, radius")
+    half_space: HalfSpace | None = optional("a mapping with point, normal")
+    hull: Hull | None = optional("a mapping with points or file")
     kinds: ClassVar[str] = EXPECTED_BODIES.removeprefix("a list of bodies, each ")
 
     @property

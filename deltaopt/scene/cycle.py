@@ -16,6 +16,7 @@ from deltaopt.files.validated_record import (
     Positive,
     Record,
     Vector3,
+    optional,
     per_motor,
     vector3,
 )
@@ -61,10 +62,8 @@ class Cycle(Record):
     dwells: tuple[Annotated[NonNegative, DURATION] | Literal["free"], ...] = Field(
         default=(), description=f"for each leg {EXPECTED_DWELL}"
     )
-    period: Annotated[Positive, DURATION] | None = Field(default=None, description=EXPECTED_PERIOD)
-    rms_torque: Annotated[PerMotor, TORQUE] | Literal["none"] | None = Field(
-        default=None, description=EXPECTED_RMS
-    )
+    period: Annotated[Positive, DURATION] | None = optional(EXPECTED_PERIOD)
+    rms_torque: Annotated[PerMotor, TORQUE] | Literal["none"] | None = optional(EXPECTED_RMS)
 
     def __repr__(self) -> str:
         return f"<Cycle of {len(self.legs)} legs: {self.legs[0].robot.name}>"

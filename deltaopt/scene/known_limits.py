@@ -7,11 +7,11 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from pydantic import Field, create_model
+from pydantic import create_model
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
-from deltaopt.files.validated_record import Record
+from deltaopt.files.validated_record import Record, optional
 from deltaopt.limits.joints import (
     ARM_RANGE,
     JOINT_JERK,
@@ -73,7 +73,7 @@ LIMITS: tuple[Limit, ...] = (
 those that depend on torques stand once more, for the least payload of a range."""
 
 _KEYS: dict[str, Any] = {
-    limit.key.name: (limit.key.type | None, Field(default=None, description=limit.key.expected))
+    limit.key.name: (limit.key.type | None, optional(limit.key.expected))
     for limit in LIMITS
     if limit.key
 }

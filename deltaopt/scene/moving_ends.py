@@ -9,7 +9,7 @@ from pydantic import Field
 
 from deltaopt.errors import SceneError
 from deltaopt.files.units import ACCELERATION, SPEED
-from deltaopt.files.validated_record import Number, Record, Vector3
+from deltaopt.files.validated_record import Number, Record, Vector3, optional
 from deltaopt.robot.tool import POINT, Point
 from deltaopt.scene.task import REST, EndState, Goal, MovingPoint, RestAnywhere
 
@@ -34,8 +34,8 @@ class State(Record):
     velocity: Annotated[tuple[Number, Number, Number], SPEED] = Field(
         default=REST, description="a velocity [x, y, z] in m/s"
     )
-    acceleration: Annotated[tuple[Number, Number, Number], ACCELERATION] | None = Field(
-        default=None, description="an acceleration [x, y, z] in m/s²"
+    acceleration: Annotated[tuple[Number, Number, Number], ACCELERATION] | None = optional(
+        "an acceleration [x, y, z] in m/s²"
     )
 
     @property

@@ -28,7 +28,7 @@ from deltaopt.files.units import (
     TORQUE_RATE_WEIGHT,
     percentage,
 )
-from deltaopt.files.validated_record import NonNegative, Positive, Record, Vector3
+from deltaopt.files.validated_record import NonNegative, Positive, Record, Vector3, optional
 from deltaopt.limits.running_cost import Running
 
 Weight = Annotated[NonNegative, EFFORT_WEIGHT]
@@ -100,11 +100,9 @@ class Time(_Weighted):
 class _InTime(_Weighted):
     """Minimise an integral over a motion whose duration is given."""
 
-    duration: Annotated[Positive, DURATION] | None = Field(
-        default=None, description=EXPECTED_DURATION
-    )
-    of_fastest: Annotated[Positive, RATIO] | None = Field(
-        default=None, ge=1, description="a share of the fastest motion's duration, 1 at least"
+    duration: Annotated[Positive, DURATION] | None = optional(EXPECTED_DURATION)
+    of_fastest: Annotated[Positive, RATIO] | None = optional(
+        "a share of the fastest motion's duration, 1 at least", ge=1
     )
 
     @model_validator(mode="after")

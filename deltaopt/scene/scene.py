@@ -16,7 +16,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 from deltaopt.errors import SceneError
 from deltaopt.files.tables import html_table
 from deltaopt.files.units import MASS, WIDTH
-from deltaopt.files.validated_record import NonNegative, Positive, Record, Vector3
+from deltaopt.files.validated_record import NonNegative, Positive, Record, Vector3, optional
 from deltaopt.limits.limit import Column, KeptLink
 from deltaopt.robot.machine import Machine
 from deltaopt.robot.robot import AnyRobot
@@ -87,39 +87,29 @@ class Scene(Record):
     """
 
     robot: AnyRobot = Field(description=ROBOT_FILE)
-    payload: Annotated[Positive, MASS] | None = Field(
-        default=None,
-        description="a mass in kg, greater than 0, or [least, largest]; leave the key out for none",
+    payload: Annotated[Positive, MASS] | None = optional(
+        "a mass in kg, greater than 0, or [least, largest]; leave the key out for none"
     )
-    least_payload: Annotated[NonNegative, MASS] | None = Field(
-        default=None, description="a mass in kg, at least 0"
-    )
+    least_payload: Annotated[NonNegative, MASS] | None = optional("a mass in kg, at least 0")
     start: Point | State = Field(description=EXPECTED_START)
     goal: Point | State | Belt | Anywhere = Field(description=EXPECTED_GOAL)
-    via: tuple[Point | Near, ...] | None = Field(
-        default=None, max_length=MOST_VIA, description=EXPECTED_VIA
+    via: tuple[Point | Near, ...] | None = optional(EXPECTED_VIA, max_length=MOST_VIA)
+    approach: Approach | None = optional(EXPECTED_APPROACH)
+    limits: Limits | None = optional(
+        "a mapping with some of the keys " + ", ".join(Limits.model_fields)
     )
-    approach: Approach | None = Field(default=None, description=EXPECTED_APPROACH)
-    limits: Limits | None = Field(
-        default=None,
-        description="a mapping with some of the keys " + ", ".join(Limits.model_fields),
-    )
-    rotation: Rotation | None = Field(
-        default=None, description="a mapping with the keys angle, speed, acceleration"
-    )
-    path: Line | Corners | PickAndPlace | Curve | None = Field(
-        default=None, description=EXPECTED_PATH
-    )
-    tube: Annotated[Positive, WIDTH] | None = Field(
-        default=None, description="a length in m, greater than 0: how far from path the tool may be"
+    rotation: Rotation | None = optional("a mapping with the keys angle, speed, acceleration")
+    path: Line | Corners | PickAndPlace | Curve | None = optional(EXPECTED_PATH)
+    tube: Annotated[Positive, WIDTH] | None = optional(
+        "a length in m, greater than 0: how far from path the tool may be"
     )
     objective: Objective = Field(default=Time(), description=EXPECTED)
-    keep_out: tuple[Body, ...] | None = Field(default=None, description=EXPECTED_BODIES)
-    clearance: Annotated[NonNegative, WIDTH] | None = Field(
-        default=None, description="a length in m, at least 0, beyond touching a body"
+    keep_out: tuple[Body, ...] | None = optional(EXPECTED_BODIES)
+    clearance: Annotated[NonNegative, WIDTH] | None = optional(
+        "a length in m, at least 0, beyond touching a body"
     )
-    robot_keeps_clear: bool | None = Field(
-        default=None, description="true if arms and forearms keep clear of bodies too, or false"
+    robot_keeps_clear: bool | None = optional(
+        "true if arms and forearms keep clear of bodies too, or false"
     )
     planned_links: tuple[tuple[int, int, float], ...] = Field(
         default=(), description="triples of a link, a body and the least distance of both, m"

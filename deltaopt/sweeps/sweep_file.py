@@ -23,7 +23,7 @@ from pydantic import Field, field_validator, model_validator
 
 from deltaopt.errors import SceneError, installed
 from deltaopt.files.units import whatever_in_si
-from deltaopt.files.validated_record import Positive, Record, Text
+from deltaopt.files.validated_record import Positive, Record, Text, optional
 from deltaopt.files.yaml_file import read_yaml
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.scene_file import content_with_files, load_job, made_of
@@ -86,13 +86,13 @@ class Sweep(Record):
     """
 
     scene: _Files = Field(description=_FILES)
-    robot: _Files | None = Field(default=None, description=_FILES)
+    robot: _Files | None = optional(_FILES)
     grid: dict[str, Any] = Field(default={}, description=_GRID)
-    points: tuple[dict[str, Any], ...] | None = Field(None, min_length=1, description=_POINTS)
-    samples: Samples | None = Field(default=None, description=_SAMPLES)
+    points: tuple[dict[str, Any], ...] | None = optional(_POINTS, min_length=1)
+    samples: Samples | None = optional(_SAMPLES)
     tolerance: Positive = Field(default=1e-3, description="a number greater than 0")
     column: Text = Field(default="duration", description=_COLUMN)
-    pareto: tuple[Text, Text] | None = Field(None, description=f"two columns, each {_COLUMN}")
+    pareto: tuple[Text, Text] | None = optional(f"two columns, each {_COLUMN}")
 
     @field_validator("grid")
     @classmethod
