@@ -32,6 +32,7 @@ ORDER = (
     "mechanisms",
     "robot",
     "limits",
+    "problem.boundary",
     "scene",
     "problem",
     "motion",

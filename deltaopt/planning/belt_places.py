@@ -17,10 +17,10 @@ from deltaopt.errors import RULED_OUT, DeltaOptError, Infeasible, if_possible
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings, not_found
 from deltaopt.planning.plan import Plan, plan_as_it_is
+from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.robot.model import model_of
 from deltaopt.scene.moving_ends import State
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import REST, MovingPoint
 
 _PLACES = 8
 """Places that are planned to, from the first to the last at which positions and speeds allow to
@@ -49,7 +49,7 @@ class PlacesOnBelt:
     """
 
     scene: Scene
-    goal: MovingPoint
+    goal: Boundary
     planned: Callable[[Scene], Plan | DeltaOptError]
     nearest: tuple[float, float] | None = None
     is_early: bool = False
@@ -60,7 +60,7 @@ class PlacesOnBelt:
     ) -> PlacesOnBelt | None:
         """None where no goal moves."""
         goal = scene.task.goal
-        return cls(scene, goal, planned) if isinstance(goal, MovingPoint) else None
+        return cls(scene, goal, planned) if goal.moves else None
 
     def plan(self) -> Plan | None:
         """The plan that waits and then meets the belt as soon as possible, or without waiting when

@@ -17,10 +17,11 @@ from deltaopt.planning.first_motions.around_bodies import is_clear
 from deltaopt.planning.first_motions.moving_ends import end_of, from_rest
 from deltaopt.planning.mesh.kept_limits import KEPT
 from deltaopt.planning.plan import Plan, plan_as_it_is
+from deltaopt.problem.boundary import REST
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import REST, EndState, MovingEnds, RestAnywhere, Task
+from deltaopt.scene.task import MovingEnds, Task
 
 _AT_LEAST = 0.97
 """What a plan takes at least, as a share of the motion on its first mesh alone, which is found in a
@@ -80,9 +81,9 @@ def finished_first(
 def _is_goal(task: Task, end: Vector3) -> bool:
     """Whether the motion under way leads to the goal of a task: where it ends (m) is the goal, or
     the goal is anywhere."""
-    if isinstance(task.goal, RestAnywhere):
+    if task.goal.is_anywhere:
         return True
-    if task.gates or not isinstance(task.goal, EndState) or task.goal.velocity != REST:
+    if task.gates or not task.goal.is_given or task.goal.velocity != REST:
         return False
     return bool(np.linalg.norm(np.subtract(end, task.goal.position)) < _NO_WAY)
 

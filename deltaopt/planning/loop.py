@@ -43,6 +43,7 @@ from deltaopt.planning.journal import Journal
 from deltaopt.planning.mesh.kept_limits import KEPT
 from deltaopt.planning.plan import Plan, plan_as_it_is, quicker
 from deltaopt.planning.trajectory_optimiser import HeldByMotion, TrajectoryOptimiser, safe
+from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
 from deltaopt.scene.feasibility import (
@@ -55,7 +56,6 @@ from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import Time
 from deltaopt.scene.parallel_singularity import require_ends_on_one_side
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import EndState
 
 _USUAL, _ANOTHER_WAY_ABOVE = 1e-3, 3e-3
 """Tolerances of at least the first are to be met, or planning starts again from another first
@@ -299,7 +299,7 @@ def _in_the_way(scene: Scene, motion: Trajectory, name: str) -> tuple[float, str
     free = scene.model_copy(update={"approach": None})  # which is for a part of the motion alone
     places, problem = sampled(motion), problem_of(scene)
     room = room_at_rest(free, places)
-    least, worst = float(room.min()), EndState(vector3(places[room.argmin()].round(_DIGITS)))
+    least, worst = float(room.min()), Boundary(vector3(places[room.argmin()].round(_DIGITS)))
     try:
         if free.planned_links:
             require_links_clear(free, name, worst.position)

@@ -60,7 +60,7 @@ from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import MovingEnds, MovingPoint, OnPath, given_points
+from deltaopt.scene.task import MovingEnds, OnPath, given_points
 
 _PATHS = 2
 """How many paths of straight lines are planned along where no mesh finds its way: over few places,
@@ -294,7 +294,7 @@ class Run(Loop):
         found, failure = list[Plan](), None
         try:
             # Past bodies a belt is met later than without them, so elsewhere.
-            ends = None if isinstance(scene.task.goal, MovingPoint) else motion
+            ends = None if scene.task.goal.moves else motion
             first = first_motion(at_rest(scene, ends))
             way = Attempt(scene, first, self.optimiser.intervals)
             plan, ways = fastest_way(way, motion, self.only_from, self.on_first_mesh, self.good_gap)

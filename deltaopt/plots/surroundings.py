@@ -15,7 +15,6 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.body_outlines import axis_points, columns_of, corners_of, edges_of
 from deltaopt.plots.colours import BLACK, GREY, LIGHT_BLUE, LIGHT_GREY, ORANGE
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import MovingPoint
 
 Place = Callable[[Array], Array]
 """Takes points (N, 3), m, to the picture, (N, 2), all lengths by the same factor."""
@@ -105,7 +104,7 @@ def draw_moving_ends(axes: Axes, scene: Scene, trajectory: Trajectory, place: Pl
         return
     ends = trajectory(trajectory.knots[[0, -1]])
     goal = scene.task.goal
-    if isinstance(goal, MovingPoint):
+    if goal.moves:
         way = place(np.array([goal.position, ends.x[1]]))
         axes.plot(*way.T, color=ORANGE, alpha=0.5, linewidth=6, solid_capstyle="butt", zorder=0.5)
     for x, v in zip(ends.x, ends.v, strict=True):

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
+from deltaopt.errors import in_words
 from deltaopt.files.validated_record import Vector3, vector3
 
 REST = (0.0, 0.0, 0.0)
@@ -15,7 +15,7 @@ _FIXED = (False, False, False)
 
 @dataclass(frozen=True)
 class Boundary:
-    """What is known of the platform's state at a boundary of a phase.
+    """What is asked of the platform's state at a boundary of a phase.
 
     ``position``: m, at the time 0 of the motion where it moves; of no account in coordinates that
     are ``free``. ``velocity``: m/s; of no account where the boundary ``is_passed`` at any.
@@ -35,11 +35,16 @@ class Boundary:
     @classmethod
     def passed(
         cls, place: tuple[float | None, float | None, float | None], within: float = 0.0
-    ) -> Self:
+    ) -> Boundary:
         """A place, passed at any velocity; its coordinates that are None are free."""
         x, y, z = (0.0 if each is None else each for each in place)
         free = (place[0] is None, place[1] is None, place[2] is None)
         return cls((x, y, z), free=free, is_passed=True, within=within)
+
+    @classmethod
+    def on_belt(cls, position: Vector3, belt: Vector3) -> Boundary:
+        """A point that moves, met at its own velocity."""
+        return cls(position, belt, belt=belt)
 
     @property
     def moves(self) -> bool:
@@ -47,15 +52,34 @@ class Boundary:
         return self.belt != REST
 
     @property
+    def is_anywhere(self) -> bool:
+        """Whether any place will do."""
+        return all(self.free)
+
+    @property
+    def is_given(self) -> bool:
+        """Whether the position is known before the motion is."""
+        return not (self.moves or any(self.free))
+
+    @property
+    def description(self) -> str:
+        """In words: a point in m, and how it moves or is passed unless the platform rests there."""
+        point = f"{in_words(self.position)} m"
+        if self.moves:
+            return f"{point} on a belt of {in_words(self.belt)} m/s"
+        if self.is_anywhere:
+            return "rest, anywhere"
+        return point if self.velocity == REST else f"{point} at {in_words(self.velocity)} m/s"
+
+    @property
     def is_rest_at_a_point(self) -> bool:
         """Whether the platform rests there, at a place that is known."""
-        known = not (any(self.free) or self.is_passed or self.within)
         rests = self.velocity == REST and self.acceleration == REST
-        return known and rests and not self.moves
+        return self.is_given and rests and not (self.is_passed or self.within)
 
     def at(self, duration: float, reached: Vector3) -> Boundary:
         """What is asked of a motion that takes ``duration`` (s) and ends at ``reached`` (m)."""
-        if all(self.free):
+        if self.is_anywhere:
             return Boundary(reached, self.velocity)  # at rest
         if not self.moves:
             return self

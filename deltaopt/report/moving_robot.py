@@ -17,7 +17,6 @@ from deltaopt.output.body_outlines import axis_points, columns_of, corners_of, e
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import MovingPoint
 from deltaopt.verify.clearance import clearances
 
 FRAMES = 400
@@ -147,7 +146,7 @@ def _clearances(part: Moving, inside: Array) -> dict[str, Array]:
 def _belts(part: Moving) -> list[list[list[float]]]:
     """Where a goal on a belt is when the motion begins and when it ends, m; none at rest."""
     goal, motion = part.scene.task.goal, part.trajectory
-    if not isinstance(goal, MovingPoint):
+    if not goal.moves:
         return []
     return [[list(goal.position), motion(motion.knots[[-1]]).x[0].tolist()]]
 

@@ -30,7 +30,7 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.report.modelled import modelled, not_modelled
 from deltaopt.report.moving_robot import Moving, drawing
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import MovingEnds, MovingPoint, ends_in_words
+from deltaopt.scene.task import MovingEnds, ends_in_words
 from deltaopt.verify.cycle import CycleVerification
 from deltaopt.verify.duty import Duty
 from deltaopt.verify.verification import Verification
@@ -211,7 +211,7 @@ def _figures(scenes: Sequence[Scene]) -> str:
         ),
         "Blue is what the path stays in.": any(scene.tube or scene.columns for scene in scenes),
         "Orange is the way of a goal on its belt meanwhile.": any(
-            isinstance(scene.task.goal, MovingPoint) for scene in scenes
+            scene.task.goal.moves for scene in scenes
         ),
         "Diamonds are via points, circles about them the spheres that are passed.": bool(
             any(scene.task.via for scene in scenes)

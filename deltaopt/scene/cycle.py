@@ -20,10 +20,10 @@ from deltaopt.files.validated_record import (
     per_motor,
     vector3,
 )
+from deltaopt.problem.boundary import REST
 from deltaopt.scene.moving_ends import Anywhere, Belt, End, Start, State, content_of_end
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import REST
 from deltaopt.scene.way import Approach
 
 MOST_LEGS = 100

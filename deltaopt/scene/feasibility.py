@@ -17,13 +17,13 @@ from deltaopt.files.validated_record import Vector3
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import CoordinateInstant
+from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.robot.machine import Model
 from deltaopt.robot.model import model_of
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.links import name_of, rooms_at
 from deltaopt.scene.parallel_singularity import volumes_at
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import REST, EndState, ViaPoint
 
 _SHORTEST_MOVE = 1e-12
 """Shortest distance from start to goal, m: coordinates of about a metre have a rounding error of
@@ -56,7 +56,7 @@ def check_feasible(scene: Scene) -> None:
         if each.within:
             _require_sphere(scene, number, each)
         else:
-            require_state(scene, f"via {number}", EndState(each.position), orders=1)
+            require_state(scene, f"via {number}", Boundary(each.position), orders=1)
     start, goal = scene.ends
     if not scene.moves_at_ends and not scene.via:
         way = dist(*scene.given_points)
@@ -66,7 +66,7 @@ def check_feasible(scene: Scene) -> None:
                 f"cannot resolve; at least {_SHORTEST_MOVE:g} m are needed"
             )
     require_state(scene, "start", start)
-    if isinstance(goal, EndState):
+    if goal.is_given:
         require_state(scene, "goal", goal)
 
 
@@ -90,7 +90,7 @@ def require_links_clear(scene: Scene, name: str, point: Vector3) -> None:
         )
 
 
-def _require_sphere(scene: Scene, number: int, sphere: ViaPoint) -> None:
+def _require_sphere(scene: Scene, number: int, sphere: Boundary) -> None:
     """Raise Infeasible if the platform can be neither at the centre of a sphere nor at places
     around it."""
     ways = np.array([each for each in product((-1.0, 0.0, 1.0), repeat=3) if any(each)])
@@ -99,7 +99,7 @@ def _require_sphere(scene: Scene, number: int, sphere: ViaPoint) -> None:
     for away in [np.zeros(3), *ways]:
         x, y, z = (np.array(sphere.position) + away).tolist()
         try:
-            return require_state(scene, f"via {number}", EndState((x, y, z)), orders=1)
+            return require_state(scene, f"via {number}", Boundary((x, y, z)), orders=1)
         except (Unreachable, Singular, Infeasible) as error:
             first = first or error
     assert first is not None
@@ -108,7 +108,7 @@ def _require_sphere(scene: Scene, number: int, sphere: ViaPoint) -> None:
 
 
 def require_state(
-    scene: Scene, name: str, end: EndState, orders: int = 3, is_given: bool = True
+    scene: Scene, name: str, end: Boundary, orders: int = 3, is_given: bool = True
 ) -> None:
     """Raise Unreachable, Singular or Infeasible if the platform cannot be in a state, or not leave
     it. ``name``: of the state in sentences; ``orders``: of limits that count, below this one;
@@ -244,7 +244,7 @@ def _too_near(scene: Scene, point: Vector3) -> Iterator[str]:
     if scene.keep_out is None:
         return
     used = limits.constraints.convex & np.isfinite(limits.bounds[0])
-    distances = _measures(scene, EndState(point))[used].tolist()
+    distances = _measures(scene, Boundary(point))[used].tolist()
     for distance, (index, _) in zip(distances, scene.obstacles, strict=True):
         body = scene.keep_out[index].named(index)
         if distance < min(scene.least_clearance, 0.0) - _ROUNDING:
@@ -254,7 +254,7 @@ def _too_near(scene: Scene, point: Vector3) -> Iterator[str]:
             yield f"is {1e3 * distance:.4g} mm from {body}, where {asked}"
 
 
-def _measures(scene: Scene, end: EndState) -> Array:
+def _measures(scene: Scene, end: Boundary) -> Array:
     """The measures of all limits with the platform in a state, (rows,), each in its unit."""
     model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
     given = end.position, end.velocity, model.parameters, limits.numbers
@@ -263,7 +263,7 @@ def _measures(scene: Scene, end: EndState) -> Array:
     return np.array(ca.DM(limits.constraints.measures(motion, numbers))).ravel()
 
 
-def exceeded(scene: Scene, end: EndState, orders: int = 3) -> Iterator[str]:
+def exceeded(scene: Scene, end: Boundary, orders: int = 3) -> Iterator[str]:
     """A phrase for each limit that is exceeded with the platform in a state: those of torque and
     acceleration only if it is at rest, for else these are not known yet.
 

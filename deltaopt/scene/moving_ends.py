@@ -10,8 +10,8 @@ from pydantic import Field
 from deltaopt.errors import SceneError
 from deltaopt.files.units import ACCELERATION, SPEED
 from deltaopt.files.validated_record import Number, Record, Vector3, optional
+from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.robot.tool import POINT, Point
-from deltaopt.scene.task import REST, EndState, Goal, MovingPoint, RestAnywhere
 
 EXPECTED_START = f"{POINT}, or a state {{at, velocity}}"
 EXPECTED_GOAL = f"{POINT}, {{at, velocity}}, {{at, belt}} or anywhere"
@@ -39,9 +39,9 @@ class State(Record):
     )
 
     @property
-    def end(self) -> EndState:
+    def end(self) -> Boundary:
         """The state as a task has it."""
-        return EndState(self.at, self.velocity, self.acceleration or REST)
+        return Boundary(self.at, self.velocity, self.acceleration or REST)
 
 
 class Belt(Record):
@@ -61,9 +61,9 @@ class Belt(Record):
     )
 
     @property
-    def end(self) -> Goal:
+    def end(self) -> Boundary:
         """The goal as a task has it: a belt that stands still is a point."""
-        return EndState(self.at) if self.belt == REST else MovingPoint(self.at, self.belt)
+        return Boundary(self.at) if self.belt == REST else Boundary.on_belt(self.at, self.belt)
 
 
 class Anywhere(Record):
@@ -78,9 +78,9 @@ class Anywhere(Record):
     """
 
     @property
-    def end(self) -> Goal:
+    def end(self) -> Boundary:
         """The goal as a task has it."""
-        return RestAnywhere()
+        return Boundary(REST, free=(True, True, True))
 
 
 Start = Vector3 | State
@@ -108,14 +108,9 @@ def end_in(key: str, content: Any) -> Any:
         raise error.inside(key=key) from None
 
 
-def end_of(given: End) -> Goal:
+def end_of(given: End) -> Boundary:
     """What a task has for the ``start`` or ``goal`` of a scene."""
-    return EndState(given) if isinstance(given, tuple) else given.end
-
-
-def start_of(given: Start) -> EndState:
-    """What a task has for the ``start`` of a scene."""
-    return EndState(given) if isinstance(given, tuple) else given.end
+    return Boundary(given) if isinstance(given, tuple) else given.end
 
 
 def require_no_acceleration(ends: Mapping[str, End]) -> None:

@@ -18,6 +18,7 @@ from deltaopt.files.tables import html_table
 from deltaopt.files.units import MASS, WIDTH
 from deltaopt.files.validated_record import NonNegative, Positive, Record, Vector3, optional
 from deltaopt.limits.limit import Column, KeptLink
+from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.robot.machine import Machine
 from deltaopt.robot.robot import AnyRobot
 from deltaopt.robot.solids import Convex
@@ -42,7 +43,6 @@ from deltaopt.scene.moving_ends import (
     end_in,
     end_of,
     require_no_acceleration,
-    start_of,
 )
 from deltaopt.scene.objective import EXPECTED, Objective, Time, content_of, objective_in
 from deltaopt.scene.path import (
@@ -55,7 +55,7 @@ from deltaopt.scene.path import (
     path_in,
 )
 from deltaopt.scene.rotation import Rotation
-from deltaopt.scene.task import REST, EndState, Goal, MovingEnds, OnPath, RestToRest, Task
+from deltaopt.scene.task import MovingEnds, OnPath, RestToRest, Task
 from deltaopt.scene.way import (
     EXPECTED_APPROACH,
     EXPECTED_VIA,
@@ -180,7 +180,7 @@ class Scene(Record):
         """The task of the motion: what is known at its start and goal, and of its path."""
         start, goal = self.ends
         via = tuple(map(via_point, self.via or ()))
-        if self.moves_at_ends or not isinstance(goal, EndState):
+        if self.moves_at_ends or not goal.is_given:
             return MovingEnds(start, goal, via)
         if self.path is None:
             levels = tuple(column.level for column in self.columns)
@@ -195,7 +195,7 @@ class Scene(Record):
         """The points in m that are known of the motion's ends: the start and, unless it moves or is
         anywhere, the goal."""
         start, goal = self.ends
-        return (start.position, goal.position) if isinstance(goal, EndState) else (start.position,)
+        return (start.position, goal.position) if goal.is_given else (start.position,)
 
     @property
     def placed_points(self) -> tuple[Vector3, ...]:
@@ -204,15 +204,15 @@ class Scene(Record):
         return *self.given_points, *(each for each in self.via or () if not isinstance(each, Near))
 
     @cached_property
-    def ends(self) -> tuple[EndState, Goal]:
+    def ends(self) -> tuple[Boundary, Boundary]:
         """What the motion begins and ends in."""
-        return start_of(self.start), end_of(self.goal)
+        return end_of(self.start), end_of(self.goal)
 
     @cached_property
     def moves_at_ends(self) -> bool:
         """Whether an end moves or is anywhere; the ends of a given path are points."""
         start, goal = self.ends
-        at_rest = isinstance(goal, EndState) and goal.velocity == REST
+        at_rest = goal.is_given and goal.velocity == REST
         return not (at_rest and start.velocity == REST)
 
     def __repr__(self) -> str:
@@ -372,7 +372,7 @@ class Scene(Record):
             raise SceneError(None, "goal", content_of_end(self.goal), f"{point} other than start")
         if self.via is not None:
             start, goal = self.ends
-            given = goal.position if isinstance(goal, EndState) else None
+            given = goal.position if goal.is_given else None
             require_distinct(task.via, start.position, given)
         duration = self.objective.given_duration
         if duration is not None and duration < self.least_duration:

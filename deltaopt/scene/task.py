@@ -6,88 +6,10 @@ from dataclasses import dataclass
 from math import dist
 from typing import ClassVar
 
-import numpy as np
-
 from deltaopt.errors import EndMoves, in_words
 from deltaopt.files.validated_record import Vector3, vector3
+from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.scene.path import GivenPath, Path
-
-REST = (0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class EndState:
-    """The state of the platform at an end of a motion: ``position`` in m, ``velocity`` in m/s, and
-    ``acceleration`` in m/s², which counts where that is continuous."""
-
-    position: Vector3
-    velocity: Vector3 = REST
-    acceleration: Vector3 = REST
-
-    def at(self, duration: float, reached: Vector3) -> EndState:
-        """The state itself, for it depends neither on time nor on the motion."""
-        return self
-
-    @property
-    def description(self) -> str:
-        """The state in words: a point in m, and its velocity unless it is at rest."""
-        point = f"{in_words(self.position)} m"
-        return point if self.velocity == REST else f"{point} at {in_words(self.velocity)} m/s"
-
-
-@dataclass(frozen=True)
-class MovingPoint:
-    """A goal on a belt: the point ``position`` + ``velocity`` t, t from the motion's start, met at
-    the belt's velocity; m and m/s."""
-
-    position: Vector3
-    velocity: Vector3
-
-    def at(self, duration: float, reached: Vector3) -> EndState:
-        """The point and its velocity after ``duration`` (s)."""
-        there = np.add(self.position, np.multiply(duration, self.velocity))
-        return EndState(vector3(there), self.velocity)
-
-    @property
-    def description(self) -> str:
-        """The goal in words."""
-        return f"{in_words(self.position)} m on a belt of {in_words(self.velocity)} m/s"
-
-
-@dataclass(frozen=True)
-class RestAnywhere:
-    """A goal that is met wherever the platform comes to rest."""
-
-    def at(self, duration: float, reached: Vector3) -> EndState:
-        """At rest at the place that a motion has ``reached``, m."""
-        return EndState(reached)
-
-    @property
-    def description(self) -> str:
-        """The goal in words."""
-        return "rest, anywhere"
-
-
-Goal = EndState | MovingPoint | RestAnywhere
-"""What a motion is to reach. ``at(duration, reached)`` is the state that a motion must end in if
-it takes ``duration`` (s) and ends at the point ``reached`` (m)."""
-
-
-@dataclass(frozen=True)
-class ViaPoint:
-    """A point in m that a motion passes, or any place at most ``within`` (m) from it."""
-
-    position: Vector3
-    within: float = 0.0
-
-
-@dataclass(frozen=True)
-class Gate:
-    """Where one phase of a motion meets the next: the coordinates of its ``place`` in m that are
-    given, None for those that are free; or any place at most ``within`` (m) from it."""
-
-    place: tuple[float | None, float | None, float | None]
-    within: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -102,21 +24,21 @@ class RestToRest:
 
     begin: Vector3
     end: Vector3
-    via: tuple[ViaPoint, ...] = ()
+    via: tuple[Boundary, ...] = ()
     within: str = ""
     levels: tuple[float, ...] = ()
 
     @property
-    def gates(self) -> tuple[Gate, ...]:
-        return _gates(self.via) or tuple(Gate((level, None, None)) for level in self.levels)
+    def gates(self) -> tuple[Boundary, ...]:
+        return self.via or tuple(Boundary.passed((level, None, None)) for level in self.levels)
 
     @property
-    def start(self) -> EndState:
-        return EndState(self.begin)
+    def start(self) -> Boundary:
+        return Boundary(self.begin)
 
     @property
-    def goal(self) -> EndState:
-        return EndState(self.end)
+    def goal(self) -> Boundary:
+        return Boundary(self.end)
 
     @property
     def is_at_rest(self) -> bool:
@@ -140,13 +62,13 @@ class MovingEnds:
     ``via``: points that are passed on the way, in this order, at any speed.
     """
 
-    start: EndState
-    goal: Goal
-    via: tuple[ViaPoint, ...] = ()
+    start: Boundary
+    goal: Boundary
+    via: tuple[Boundary, ...] = ()
 
     @property
-    def gates(self) -> tuple[Gate, ...]:
-        return _gates(self.via)
+    def gates(self) -> tuple[Boundary, ...]:
+        return self.via
 
     @property
     def is_at_rest(self) -> bool:
@@ -155,9 +77,9 @@ class MovingEnds:
     @property
     def description(self) -> str:
         through = _through(self.via)
-        if isinstance(self.goal, RestAnywhere):
+        if self.goal.is_anywhere:
             return "the fastest stop"
-        if isinstance(self.goal, MovingPoint):
+        if self.goal.moves:
             return f"to a point on a belt{through}, path free"
         if self.goal.velocity == REST:
             return f"from a state to rest{through}, path free"
@@ -177,8 +99,8 @@ class OnPath:
     path: Path
     speeds: tuple[float, float]
     shape: str
-    via: ClassVar[tuple[ViaPoint, ...]] = ()
-    gates: ClassVar[tuple[Gate, ...]] = ()
+    via: ClassVar[tuple[Boundary, ...]] = ()
+    gates: ClassVar[tuple[Boundary, ...]] = ()
 
     @classmethod
     def of(cls, begin: Vector3, end: Vector3, given: GivenPath) -> OnPath:
@@ -186,11 +108,11 @@ class OnPath:
         return cls(begin, end, given.between(begin, end), given.speeds, given.description)
 
     @property
-    def start(self) -> EndState:
+    def start(self) -> Boundary:
         return self._at(0, self.begin)
 
     @property
-    def goal(self) -> EndState:
+    def goal(self) -> Boundary:
         return self._at(1, self.end)
 
     @property
@@ -213,12 +135,12 @@ class OnPath:
         )
         return first, last
 
-    def _at(self, end: int, position: Vector3) -> EndState:
+    def _at(self, end: int, position: Vector3) -> Boundary:
         speed = self.speeds[end]
         if not speed:
-            return EndState(position)
+            return Boundary(position)
         s = self.path.knots[[0, -1]][end]
-        return EndState(position, vector3(self.path(s, 1)[0] * self.rates[end]))
+        return Boundary(position, vector3(self.path(s, 1)[0] * self.rates[end]))
 
 
 Task = RestToRest | MovingEnds | OnPath
@@ -226,11 +148,7 @@ Task = RestToRest | MovingEnds | OnPath
 phases meet; whether it ``is_at_rest`` at both ends; and its ``description`` in words."""
 
 
-def _gates(via: tuple[ViaPoint, ...]) -> tuple[Gate, ...]:
-    return tuple(Gate(point.position, point.within) for point in via)
-
-
-def _through(via: tuple[ViaPoint, ...]) -> str:
+def _through(via: tuple[Boundary, ...]) -> str:
     """Via points in words: "", " through a via point", " through 2 via points"."""
     if not via:
         return ""
@@ -243,7 +161,7 @@ def given_points(task: Task) -> tuple[Vector3, Vector3]:
     Raises EndMoves for others: methods that slow a motion, or compare it with a straight line
     from rest to rest, have nothing to say of them.
     """
-    if isinstance(task, MovingEnds) or not isinstance(task.goal, EndState):
+    if isinstance(task, MovingEnds) or not task.goal.is_given:
         raise EndMoves(
             "an end of the motion moves or is not given; this is for motions from rest at one "
             "point to rest at another"
@@ -251,9 +169,9 @@ def given_points(task: Task) -> tuple[Vector3, Vector3]:
     return task.start.position, task.goal.position
 
 
-def given_goal(task: Task) -> EndState | MovingPoint:
+def given_goal(task: Task) -> Boundary:
     """The goal of a task, a point or one that moves. Raises EndMoves for rest anywhere."""
-    if isinstance(task.goal, RestAnywhere):
+    if task.goal.is_anywhere:
         raise EndMoves("the goal is rest anywhere; this is for motions to a place")
     return task.goal
 

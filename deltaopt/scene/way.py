@@ -14,8 +14,8 @@ from deltaopt.errors import SceneError
 from deltaopt.files.units import WIDTH
 from deltaopt.files.validated_record import Positive, Record, Vector3
 from deltaopt.limits.limit import Column
+from deltaopt.problem.boundary import Boundary
 from deltaopt.robot.tool import POINT, Point
-from deltaopt.scene.task import ViaPoint
 
 EXPECTED_APPROACH = "a mapping with the keys start and goal, each {height, radius} in m"
 MOST_VIA = 100
@@ -78,9 +78,11 @@ def _point_in(number: int, content: Any) -> Any:
         raise error.inside(key=f"via[{number}]") from None
 
 
-def via_point(given: Via) -> ViaPoint:
+def via_point(given: Via) -> Boundary:
     """What a task has for a via point of a scene."""
-    return ViaPoint(given.at, given.within) if isinstance(given, Near) else ViaPoint(given)
+    if isinstance(given, Near):
+        return Boundary.passed(given.at, given.within)
+    return Boundary.passed(given)
 
 
 def content_of_via(via: Sequence[Via]) -> list[object]:
@@ -88,14 +90,14 @@ def content_of_via(via: Sequence[Via]) -> list[object]:
     return [each.model_dump() if isinstance(each, Near) else each for each in via]
 
 
-def require_distinct(via: Sequence[ViaPoint], start: Vector3, goal: Vector3 | None) -> None:
+def require_distinct(via: Sequence[Boundary], start: Vector3, goal: Vector3 | None) -> None:
     """Raise SceneError where a via point is the point before or after it, or where the sphere about
     one holds that point, with its own sphere, and so asks for nothing.
 
     ``start``, ``goal``: ends of the motion, m; None for a goal that moves or is anywhere.
     """
-    last = [] if goal is None else [ViaPoint(goal)]
-    points = [ViaPoint(start), *via, *last]
+    last = [] if goal is None else [Boundary(goal)]
+    points = [Boundary(start), *via, *last]
     if not via or any(a.position == b.position for a, b in pairwise(points)):
         expected = "points in m, each other than the one before it, start and goal included"
         raise SceneError(None, "via", content_of_via([_of(point) for point in via]), expected)
@@ -107,5 +109,5 @@ def require_distinct(via: Sequence[ViaPoint], start: Vector3, goal: Vector3 | No
             raise SceneError(None, f"via[{number}].within", point.within, expected)
 
 
-def _of(point: ViaPoint) -> Via:
+def _of(point: Boundary) -> Via:
     return Near(at=point.position, within=point.within) if point.within else point.position

@@ -27,7 +27,6 @@ from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import EndState
 from deltaopt.verify.units import Units
 
 MOST_AMPLIFIED = 1e4
@@ -104,7 +103,7 @@ def _follower(
 
 
 def _arrival(
-    start: EndState, goal: Boundary, position: PiecewisePolynomial, after: Follow, units: Units
+    start: Boundary, goal: Boundary, position: PiecewisePolynomial, after: Follow, units: Units
 ) -> tuple[float, float]:
     """Distance to the goal (m) and to its velocity (m/s) at the end, from the scene's start."""
     state = _state(start, units)
@@ -133,7 +132,7 @@ def _defects(
     return max(distances), max(speeds)
 
 
-def _state(end: EndState | Boundary, units: Units) -> Array:
+def _state(end: Boundary, units: Units) -> Array:
     """Position and velocity of an end of the task, in these units."""
     x, v = np.array(end.position), np.array(end.velocity)
     return np.concatenate([x, v * units.time]) / units.length

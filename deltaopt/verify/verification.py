@@ -24,7 +24,7 @@ from deltaopt.motion.trajectory import Trajectory, goal_of
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.known_limits import LIMITS, limits_of
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import EndState, MovingEnds, OnPath
+from deltaopt.scene.task import MovingEnds, OnPath
 from deltaopt.verify.bounds import ARRIVAL_BOUNDS, BOUNDS, EXCESS, Check, Sizes
 from deltaopt.verify.clearance import clearance_excess, robot_clearance, sure_robot_clearance
 from deltaopt.verify.duty import Duty
@@ -353,7 +353,7 @@ def _with_least_payload(
 def _optimality(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     """How well Pontryagin's condition is met, which is that of a free path between given states."""
     task = scene.task
-    if isinstance(task, OnPath) or task.gates or not isinstance(task.goal, EndState):
+    if isinstance(task, OnPath) or task.gates or not task.goal.is_given:
         return {}
     try:
         found = extremal(scene, trajectory)

@@ -11,11 +11,11 @@ from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.errors import Infeasible, in_words
 from deltaopt.motion.loads import sizes_at
 from deltaopt.motion.lower_bound import soonest
+from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.feasibility import exceeded
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import REST, EndState, MovingPoint, RestAnywhere
 
 _PLACES = 240
 """Places of a belt's way that are looked at: of a way of three metres one each 12 mm."""
@@ -34,13 +34,13 @@ class Meetings:
     """
 
     scene: Scene
-    goal: MovingPoint
+    goal: Boundary
     near: float
     times: Array
     sizes: Array
 
     @classmethod
-    def of(cls, scene: Scene, goal: MovingPoint) -> Meetings:
+    def of(cls, scene: Scene, goal: Boundary) -> Meetings:
         """Where the belt is from the motion's start on and while it is near the robot."""
         near = scene.robot.farthest
         times = _times_within(goal, near)
@@ -117,7 +117,7 @@ class Meetings:
             return "do the chains reach it"
         best = int(np.nanargmin(most))
         place = self.goal.at(float(self.times[best]), self.goal.position)
-        for phrase in exceeded(self.scene, EndState(place.position, place.velocity)):
+        for phrase in exceeded(self.scene, place):
             return (
                 "are position and speed within the limits; nearest to them at "
                 f"{in_words(place.position)} m the {phrase}"
@@ -136,16 +136,16 @@ def not_found(scene: Scene, tried: int) -> str:
     """That no motion was found by attempts, so many ``tried`` in vain: in words of the goal, if
     that moves or is passed."""
     goal, sought = scene.task.goal, ""
-    if isinstance(goal, MovingPoint):
+    if goal.moves:
         allowed = Meetings.of(scene, goal).in_words
         sought = f" that meets {goal.description}, which positions and speeds allow {allowed}"
-    elif not isinstance(goal, RestAnywhere) and goal.velocity != REST:
+    elif not goal.is_anywhere and goal.velocity != REST:
         sought = f" that passes {goal.description}, a point that stands still"
     attempts = "one attempt was made" if tried == 1 else f"{tried} attempts were made"
     return f"no motion was found{sought}; {attempts}, and none led to one that keeps all limits"
 
 
-def _times_within(goal: MovingPoint, radius: float) -> Array:
+def _times_within(goal: Boundary, radius: float) -> Array:
     """Instants from 0 on at which a goal on a belt is within a radius (m) of the base's centre,
     (N,), s."""
     x, v = np.array(goal.position), np.array(goal.velocity)

@@ -20,10 +20,11 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
 from deltaopt.planning.first_motions.initial_motion import Proposal
 from deltaopt.planning.first_motions.order_of_merit import first_motion
+from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import REST, EndState, MovingEnds, MovingPoint, RestAnywhere
+from deltaopt.scene.task import MovingEnds
 
 _COARSE = np.array([2.0**k for k in range(-12, 5)])
 """Durations that are looked at first, s: from motions of a millimetre to those of giants."""
@@ -41,7 +42,7 @@ _RESOLVED = 1e-11
 _NEARLY = 1.2
 """Excess over its limits with which a guess is good enough: the optimum bends away from it."""
 
-States = Callable[[float], tuple[EndState, EndState]]
+States = Callable[[float], tuple[Boundary, Boundary]]
 """Duration (s) -> the states that a motion of that duration begins and ends in."""
 Family = Callable[[Array], tuple[Array, Array]]
 """Durations (n,), s -> for each a motion in as many pieces: coefficients of ascending powers of the
@@ -81,7 +82,7 @@ def stopping(scene: Scene, most: float = _NEARLY) -> Trajectory | None:
     start = scene.task.start
     if start.velocity == REST:
         return None
-    return shortest_of(scene, _quintics(lambda T: (start, EndState(_stopped(start, T)))), most=most)
+    return shortest_of(scene, _quintics(lambda T: (start, Boundary(_stopped(start, T)))), most=most)
 
 
 def from_state_to_state(scene: Scene, most: float = _NEARLY) -> Trajectory | None:
@@ -100,7 +101,7 @@ def shortest_to_goal(scene: Scene, family: Family, most: float = _NEARLY) -> Tra
     """
     goal = scene.task.goal
     found = shortest_of(scene, family, most=most)
-    if not isinstance(goal, MovingPoint):
+    if not goal.moves:
         return found
     meetings = Meetings.of(scene, goal).require_any()
     if found is not None and meetings.is_possible_at(found.duration):
@@ -112,7 +113,7 @@ def _waiting(scene: Scene, most: float) -> Iterator[Trajectory]:
     """Motions that wait at a start at rest for a belt that cannot be met yet, and meet it soon
     after it can be."""
     task = scene.task
-    if not isinstance(task.goal, MovingPoint) or task.start.velocity != REST:
+    if not task.goal.moves or task.start.velocity != REST:
         return
     meetings = Meetings.of(scene, task.goal)
     if meetings.is_possible_at(0.0):
@@ -131,10 +132,10 @@ def intervals_after_waiting(motion: Trajectory, intervals: int) -> int:
     return ceil(intervals * min(motion.duration / moving, _MOST))
 
 
-def _after_waiting(start: EndState, goal: MovingPoint, time: float) -> Family:
+def _after_waiting(start: Boundary, goal: Boundary, time: float) -> Family:
     """Quintics of some durations that meet a belt at a time, s, at rest at the start until then."""
 
-    def meeting(T: float) -> tuple[EndState, EndState]:
+    def meeting(T: float) -> tuple[Boundary, Boundary]:
         return start, goal.at(max(time - T, _LEAST_WAIT * T) + T, goal.position)
 
     def family(durations: Array) -> tuple[Array, Array]:
@@ -165,10 +166,8 @@ def end_of(position: PiecewisePolynomial) -> Vector3:
 def _onwards(scene: Scene, before: PiecewisePolynomial, most: float) -> Iterator[Trajectory]:
     """A motion that comes to rest, and one from there to the scene's goal, if it is elsewhere."""
     goal = scene.task.goal
-    there = isinstance(goal, EndState) and goal.velocity == REST
-    if isinstance(goal, RestAnywhere) or (
-        there and dist(end_of(before), goal.position) < _RESOLVED
-    ):
+    there = goal.is_given and goal.velocity == REST
+    if goal.is_anywhere or (there and dist(end_of(before), goal.position) < _RESOLVED):
         yield Trajectory(before, model_of(scene.robot, scene.payload))
         return
     later = if_possible(RULED_OUT, first_between, from_rest(scene, end_of(before)), most)
@@ -190,7 +189,7 @@ def _with_run_up(scene: Scene, stop: Trajectory | None, most: float) -> Iterator
     """A ``stop``, if the start moves, from rest to rest to where a run-up to the goal begins, and
     the run-up; none to a goal that is not passed in a known state."""
     goal = scene.task.goal
-    if not isinstance(goal, EndState) or goal.velocity == REST:
+    if not goal.is_given or goal.velocity == REST:
         return
     run_up = run_up_to(scene, goal, most)
     if run_up is None:
@@ -203,12 +202,12 @@ def _with_run_up(scene: Scene, stop: Trajectory | None, most: float) -> Iterator
         yield Trajectory(position.then(run_up.position), run_up.model)
 
 
-def run_up_to(scene: Scene, goal: EndState, most: float = _NEARLY) -> Trajectory | None:
+def run_up_to(scene: Scene, goal: Boundary, most: float = _NEARLY) -> Trajectory | None:
     """A quintic from rest that passes a goal at its velocity; None if none stays within reach."""
-    return shortest_of(scene, _quintics(lambda T: (EndState(_stopped(goal, -T)), goal)), most=most)
+    return shortest_of(scene, _quintics(lambda T: (Boundary(_stopped(goal, -T)), goal)), most=most)
 
 
-def _stopped(state: EndState, duration: float) -> Vector3:
+def _stopped(state: Boundary, duration: float) -> Vector3:
     """Where a state gets to that comes to rest in a duration (s), its acceleration symmetric in
     time, m; of a negative one where a motion begins at rest that passes the state after it."""
     return vector3(np.array(state.position) + np.array(state.velocity) * duration / 2)

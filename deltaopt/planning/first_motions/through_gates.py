@@ -28,12 +28,13 @@ from deltaopt.planning.first_motions.moving_ends import (
     shortest_to_goal,
     stopping,
 )
+from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
 from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.moving_ends import Belt, End
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import MovingEnds, MovingPoint, ViaPoint, given_goal
+from deltaopt.scene.task import MovingEnds, given_goal
 
 _WELL_INSIDE = 0.9
 """Share of the radius of a via point's sphere at which a first motion passes it at most: inside, so
@@ -56,7 +57,7 @@ def through_gates(scene: Scene) -> Iterator[Proposal]:
     Raises Infeasible for a belt that cannot be met.
     """
     moving, ways = isinstance(scene.task, MovingEnds), list(places_of_gates(scene))
-    if isinstance(scene.task.goal, MovingPoint):
+    if scene.task.goal.moves:
         Meetings.of(scene, scene.task.goal).require_any()
     for places in ways:
         for power in (0.5, 1.0):
@@ -108,7 +109,7 @@ def _roomiest(scene: Scene, places: Array) -> Array:
     return np.asarray(places[room_at_rest(scene, places).argmax()])
 
 
-def _nearest_places(scene: Scene, via: tuple[ViaPoint, ...]) -> Array:
+def _nearest_places(scene: Scene, via: tuple[Boundary, ...]) -> Array:
     start, goal = scene.task.start, given_goal(scene.task)
     later = [*(point.position for point in via[1:]), goal.position]
     places = [np.array(start.position)]

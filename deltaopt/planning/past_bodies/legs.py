@@ -18,11 +18,11 @@ from deltaopt.planning.first_motions.initial_motion import Proposal
 from deltaopt.planning.first_motions.moving_ends import end_of, run_up_to, start_of, stopping
 from deltaopt.planning.first_motions.through_gates import places_of_gates
 from deltaopt.planning.plan import Plan
+from deltaopt.problem.boundary import REST
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.moving_ends import Start
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import REST, EndState
 
 _ALONE = dict.fromkeys(("via", "approach", "rotation")) | {"objective": Time()}
 """What a leg does not have."""
@@ -45,7 +45,7 @@ def proposed_in_legs(scene: Scene, planned: Planned, slower: float) -> Iterator[
 def _in_legs(scene: Scene, planned: Planned) -> Iterator[list[Plan]]:
     """The plans of all legs, through some places of the points between."""
     goal = scene.task.goal
-    if not isinstance(goal, EndState) or scene.tube is not None:
+    if not goal.is_given or scene.tube is not None:
         return
     stop, is_passed = stopping(scene), goal.velocity != REST
     run_up = run_up_to(scene, goal) if is_passed else None

@@ -29,7 +29,6 @@ from deltaopt.planning.plan import Plan, TakenWay, quicker
 from deltaopt.planning.refinement import Slower
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import MovingPoint
 
 _MOST_WAYS = 12
 """How many ways past bodies are solved on the first mesh, those that can be driven fastest."""
@@ -259,7 +258,7 @@ class _Trial:
         bodies = near(attempt.scene, way.motion.position) | hit
         scene, name = past_these(attempt.scene, bodies), f"the way {way.name}"
         slower = _SLOWER
-        if isinstance(scene.task.goal, MovingPoint):  # it is not where the way ends for long
+        if scene.task.goal.moves:  # it is not where the way ends for long
             slower = attempt.motion.duration / way.motion.duration
         motion = way.motion.slowed(slower)
         begin = replace(attempt, scene=scene, motion=motion, is_near=True, proposal=name)
