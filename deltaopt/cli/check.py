@@ -67,7 +67,7 @@ from deltaopt.scene.objective import Time
 from deltaopt.scene.rotation import Rotation
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
-from deltaopt.scene.task import MovingEnds, Task, distance, ends_in_words
+from deltaopt.scene.task import Task, distance, ends_in_words
 from deltaopt.verify.measures import MeasuredMotion
 
 Array = NDArray[np.float64]
@@ -290,7 +290,7 @@ def _description(scene: Scene) -> list[tuple[str, str]]:
 def _task(task: Task) -> str:
     """The task in words: what kind, from where to where."""
     ends = f"{task.description}: {ends_in_words(task)}"
-    return ends if isinstance(task, MovingEnds) else f"{ends}, {distance(task):.4g} m apart"
+    return ends if task.moves_at_ends else f"{ends}, {distance(task):.4g} m apart"
 
 
 def default_method(scene: Scene) -> str:

@@ -15,7 +15,7 @@ from deltaopt.planning.comparisons import straight_lines
 from deltaopt.planning.plan import Optimum, Plan, TakenWay
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import MovingEnds, Task
+from deltaopt.scene.task import Task
 from deltaopt.verify.duty import Duty, exceeding
 from deltaopt.verify.verification import Verification, verify
 
@@ -170,12 +170,12 @@ def headline(duration: float) -> str:
 def title(task: Task, duration: float) -> str:
     """The headline; the duration alone of a motion that cannot be driven there and back, because
     an end moves."""
-    return _seconds(duration) if isinstance(task, MovingEnds) else headline(duration)
+    return _seconds(duration) if task.moves_at_ends else headline(duration)
 
 
 def assumption(task: Task) -> str:
     """What the title supposes; empty where it counts no parts."""
-    return "" if isinstance(task, MovingEnds) else ASSUMPTION
+    return "" if task.moves_at_ends else ASSUMPTION
 
 
 def _seconds(duration: float) -> str:

@@ -11,7 +11,6 @@ from deltaopt.planning.plan import Optimum, Plan, TakenWay
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import MovingEnds
 from deltaopt.settings import RESOLVED_BELOW
 from deltaopt.verify.cycle import CycleVerification
 from deltaopt.verify.duty import Duty
@@ -28,7 +27,7 @@ def told(facts: Facts) -> Iterator[str]:
     found = facts.found
     duration = facts.trajectory.duration
     limits = limits_at_a_glance(facts.active, found.sensitivities, duration)
-    back = "" if isinstance(facts.scene.task, MovingEnds) else " there and back"
+    back = "" if facts.scene.moves_at_ends else " there and back"
     yield f"{verdict(facts.verification)}: {title(facts.scene.task, duration)}{back}"
     yield from (_distance(each) for each in facts.verification.distances if each.least <= 0)
     if facts.too_warm:

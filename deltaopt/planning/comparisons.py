@@ -20,7 +20,7 @@ from deltaopt.scene.known_limits import LIMITS, limits_of
 from deltaopt.scene.objective import Time
 from deltaopt.scene.path import Line, PickAndPlace
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import RestToRest, given_points
+from deltaopt.scene.task import given_points
 from deltaopt.settings import require_type
 
 _SAMPLES = 4001
@@ -129,7 +129,7 @@ def rounded_path_over(scene: Scene) -> PickAndPlace | None:
     """The lowest path up, across and down that clears all keep-out bodies of a scene, rounded from
     its height on. None where no body is in the way of the straight line or there is no such path,
     and where an end moves or points or a path between the ends are given."""
-    if scene.keep_out is None or scene.path is not None or not isinstance(scene.task, RestToRest):
+    if scene.keep_out is None or scene.path is not None or scene.moves_at_ends:
         return None
     start, goal = map(np.array, given_points(scene.task))
     widest = dist(goal[1:], start[1:]) / 2

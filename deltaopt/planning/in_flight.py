@@ -21,7 +21,7 @@ from deltaopt.problem.boundary import REST
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import MovingEnds, Task
+from deltaopt.scene.task import Task
 
 _AT_LEAST = 0.97
 """What a plan takes at least, as a share of the motion on its first mesh alone, which is found in a
@@ -55,7 +55,7 @@ def finished_first(
     if _is_goal(scene.task, end):
         return _finished(scene, under_way, tolerance)
     rest = from_rest(scene, end)
-    if isinstance(rest.task, MovingEnds):
+    if rest.moves_at_ends:
         return None
     if found is not None and found.duration <= left + _AT_LEAST * roughly(rest):
         return None

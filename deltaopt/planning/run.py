@@ -60,7 +60,7 @@ from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import MovingEnds, OnPath, given_points
+from deltaopt.scene.task import OnPath, given_points
 
 _PATHS = 2
 """How many paths of straight lines are planned along where no mesh finds its way: over few places,
@@ -177,8 +177,8 @@ class Run(Loop):
         task = scene.task
         if isinstance(task, OnPath):
             return planned_on_path(scene, self.optimiser.tolerance, self.journal.mesh)
-        if isinstance(task, MovingEnds) or task.gates:
-            later = under_way if isinstance(task, MovingEnds) else None
+        if task.moves_at_ends or task.gates:
+            later = under_way if task.moves_at_ends else None
             planned = partial(self._plan_moving, under_way=later)
             return _resolvable(self.at_worst(scene, planned))
         past_bodies = limits_of(scene).constraints.has_convex

@@ -30,7 +30,7 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.report.modelled import modelled, not_modelled
 from deltaopt.report.moving_robot import Moving, drawing
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import MovingEnds, ends_in_words
+from deltaopt.scene.task import ends_in_words
 from deltaopt.verify.cycle import CycleVerification
 from deltaopt.verify.duty import Duty
 from deltaopt.verify.verification import Verification
@@ -117,7 +117,7 @@ def _head(facts: Facts) -> str:
     gap = facts.found.gap
     payload = scene.payload_in_words
     way = f"{1e3 * verification.way:.4g} mm"
-    picks = "" if isinstance(scene.task, MovingEnds) else _PICKS
+    picks = "" if scene.moves_at_ends else _PICKS
     optimality = (
         "This motion was not optimised: it is the straight line, as fast as the limits permit by "
         "a quintic law."

@@ -55,7 +55,7 @@ from deltaopt.scene.path import (
     path_in,
 )
 from deltaopt.scene.rotation import Rotation
-from deltaopt.scene.task import MovingEnds, OnPath, RestToRest, Task
+from deltaopt.scene.task import BetweenEnds, OnPath, Task
 from deltaopt.scene.way import (
     EXPECTED_APPROACH,
     EXPECTED_VIA,
@@ -178,16 +178,16 @@ class Scene(Record):
     @cached_property
     def task(self) -> Task:
         """The task of the motion: what is known at its start and goal, and of its path."""
-        start, goal = self.ends
         via = tuple(map(via_point, self.via or ()))
-        if self.moves_at_ends or not goal.is_given:
-            return MovingEnds(start, goal, via)
+        if self.moves_at_ends:
+            return BetweenEnds(*self.ends, via)
+        start, goal = map(Boundary, self.given_points)
         if self.path is None:
             levels = tuple(column.level for column in self.columns)
-            return RestToRest(start.position, goal.position, via, levels=levels)
+            return BetweenEnds(start, goal, via, levels=levels)
         if self.tube is not None:
             within = f"within {1e3 * self.tube:g} mm of a path: {self.path.description}"
-            return RestToRest(start.position, goal.position, within=within)
+            return BetweenEnds(start, goal, within=within)
         return OnPath.of(start.position, goal.position, self.path)
 
     @cached_property

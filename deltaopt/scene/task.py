@@ -13,8 +13,8 @@ from deltaopt.scene.path import GivenPath, Path
 
 
 @dataclass(frozen=True)
-class RestToRest:
-    """The task to move from rest at ``begin`` to rest at ``end``, in m, on any path.
+class BetweenEnds:
+    """The task to move from ``start`` to ``goal`` on any path.
 
     ``via``: points that are passed on the way, in this order, at any speed. ``within``: a
     tube in words, that the motion stays in.
@@ -22,8 +22,8 @@ class RestToRest:
     goal; none without an approach.
     """
 
-    begin: Vector3
-    end: Vector3
+    start: Boundary
+    goal: Boundary
     via: tuple[Boundary, ...] = ()
     within: str = ""
     levels: tuple[float, ...] = ()
@@ -33,46 +33,12 @@ class RestToRest:
         return self.via or tuple(Boundary.passed((level, None, None)) for level in self.levels)
 
     @property
-    def start(self) -> Boundary:
-        return Boundary(self.begin)
-
-    @property
-    def goal(self) -> Boundary:
-        return Boundary(self.end)
+    def moves_at_ends(self) -> bool:
+        return not (self.goal.is_given and self.start.velocity == self.goal.velocity == REST)
 
     @property
     def is_at_rest(self) -> bool:
-        return True
-
-    @property
-    def description(self) -> str:
-        if self.within:
-            return f"from rest to rest, {self.within}"
-        if self.levels:
-            return "from rest to rest, up and down in cylinders, path free between"
-        if not self.via:
-            return "from rest to rest, path free"
-        return f"from rest to rest{_through(self.via)}, path free between"
-
-
-@dataclass(frozen=True)
-class MovingEnds:
-    """The task to move, on any path, from a state to a goal, not both at rest and given.
-
-    ``via``: points that are passed on the way, in this order, at any speed.
-    """
-
-    start: Boundary
-    goal: Boundary
-    via: tuple[Boundary, ...] = ()
-
-    @property
-    def gates(self) -> tuple[Boundary, ...]:
-        return self.via
-
-    @property
-    def is_at_rest(self) -> bool:
-        return False
+        return not self.moves_at_ends
 
     @property
     def description(self) -> str:
@@ -81,9 +47,15 @@ class MovingEnds:
             return "the fastest stop"
         if self.goal.moves:
             return f"to a point on a belt{through}, path free"
-        if self.goal.velocity == REST:
+        if self.goal.velocity != REST:
+            return f"to a point that stands still, passed at a velocity{through}, path free"
+        if self.start.velocity != REST:
             return f"from a state to rest{through}, path free"
-        return f"to a point that stands still, passed at a velocity{through}, path free"
+        if self.within:
+            return f"from rest to rest, {self.within}"
+        if self.levels:
+            return "from rest to rest, up and down in cylinders, path free between"
+        return f"from rest to rest{through}, path free{' between' if through else ''}"
 
 
 @dataclass(frozen=True)
@@ -101,6 +73,7 @@ class OnPath:
     shape: str
     via: ClassVar[tuple[Boundary, ...]] = ()
     gates: ClassVar[tuple[Boundary, ...]] = ()
+    moves_at_ends: ClassVar[bool] = False
 
     @classmethod
     def of(cls, begin: Vector3, end: Vector3, given: GivenPath) -> OnPath:
@@ -143,9 +116,10 @@ class OnPath:
         return Boundary(position, vector3(self.path(s, 1)[0] * self.rates[end]))
 
 
-Task = RestToRest | MovingEnds | OnPath
+Task = BetweenEnds | OnPath
 """The boundary values of a motion: ``start`` and ``goal``; ``via`` points and ``gates`` where its
-phases meet; whether it ``is_at_rest`` at both ends; and its ``description`` in words."""
+phases meet; whether it ``is_at_rest`` at both ends, or an end moves or is not given, so that it
+cannot be slowed: ``moves_at_ends``; and its ``description`` in words."""
 
 
 def _through(via: tuple[Boundary, ...]) -> str:
@@ -161,7 +135,7 @@ def given_points(task: Task) -> tuple[Vector3, Vector3]:
     Raises EndMoves for others: methods that slow a motion, or compare it with a straight line
     from rest to rest, have nothing to say of them.
     """
-    if isinstance(task, MovingEnds) or not task.goal.is_given:
+    if task.moves_at_ends:
         raise EndMoves(
             "an end of the motion moves or is not given; this is for motions from rest at one "
             "point to rest at another"
@@ -178,7 +152,7 @@ def given_goal(task: Task) -> Boundary:
 
 def ends_in_words(task: Task) -> str:
     """From where to where a motion leads: points in m, and velocities in m/s where they move."""
-    if isinstance(task, MovingEnds):
+    if task.moves_at_ends:
         return f"{task.start.description} to {task.goal.description}"
     start, goal = (in_words(point) for point in given_points(task))
     return f"{start} to {goal} m"

@@ -28,7 +28,6 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.cycle import Cycle
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import made_of
-from deltaopt.scene.task import MovingEnds
 from deltaopt.sensitivity.keys import changed
 from deltaopt.sweeps.points import Task
 from deltaopt.verify.cycle import CycleVerification
@@ -166,7 +165,7 @@ def row_of(task: Task) -> Row:
 def _of_motion(scene: Scene, tolerance: float) -> Row:
     found = plan(scene, tolerance=tolerance)
     judged = verify(found.scene, found.trajectory)
-    parts = None if isinstance(scene.task, MovingEnds) else 30 / found.duration
+    parts = None if scene.moves_at_ends else 30 / found.duration
     row = {"duration": found.duration, "parts_per_minute": parts, "gap": found.gap}
     return _of_legs((found,), (judged,)) | _judged(judged) | row
 

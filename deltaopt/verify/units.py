@@ -17,14 +17,14 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.machine import Model
 from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import MovingEnds, distance
+from deltaopt.scene.task import distance
 
 
 def way_of(scene: Scene, trajectory: Trajectory) -> float:
     """How far a motion goes, m: from the scene's start to its goal; where these move or there are
     via points or an approach, as far as it goes from where it begins."""
     task = scene.task
-    by_motion = isinstance(task, MovingEnds) or task.gates
+    by_motion = task.moves_at_ends or task.gates
     return trajectory.extent if by_motion else distance(task)
 
 

@@ -24,7 +24,7 @@ from deltaopt.motion.trajectory import Trajectory, goal_of
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.known_limits import LIMITS, limits_of
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import MovingEnds, OnPath
+from deltaopt.scene.task import OnPath
 from deltaopt.verify.bounds import ARRIVAL_BOUNDS, BOUNDS, EXCESS, Check, Sizes
 from deltaopt.verify.clearance import clearance_excess, robot_clearance, sure_robot_clearance
 from deltaopt.verify.duty import Duty
@@ -309,7 +309,7 @@ def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
     excesses = _largest([*motion.excesses().values(), *misplaced])
     if scene.least_payload is not None:
         excesses = _largest([*excesses.values(), *_with_least_payload(scene, trajectory, excesses)])
-    if not isinstance(scene.task, MovingEnds):
+    if not scene.moves_at_ends:
         is_in_place = all(each.value <= EXCESS for each in misplaced)  # slowing changes no place
         safe_duration = motion.safe_duration() if is_in_place else inf
     measures = {

@@ -24,7 +24,6 @@ from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import MovingEnds
 
 _COARSE = np.array([2.0**k for k in range(-12, 5)])
 """Durations that are looked at first, s: from motions of a millimetre to those of giants."""
@@ -60,7 +59,6 @@ def first_moving_motions(
     limits they take at samples, if that is possible; between two rests not more than all.
     """
     task = scene.task
-    assert isinstance(task, MovingEnds)
     direct = from_state_to_state(scene, most)
     if direct is not None:
         yield Proposal("a quintic", direct)

@@ -34,7 +34,7 @@ from deltaopt.robot.model import model_of
 from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.moving_ends import Belt, End
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import MovingEnds, given_goal
+from deltaopt.scene.task import given_goal
 
 _WELL_INSIDE = 0.9
 """Share of the radius of a via point's sphere at which a first motion passes it at most: inside, so
@@ -56,7 +56,7 @@ def through_gates(scene: Scene) -> Iterator[Proposal]:
 
     Raises Infeasible for a belt that cannot be met.
     """
-    moving, ways = isinstance(scene.task, MovingEnds), list(places_of_gates(scene))
+    moving, ways = scene.moves_at_ends, list(places_of_gates(scene))
     if scene.task.goal.moves:
         Meetings.of(scene, scene.task.goal).require_any()
     for places in ways:
