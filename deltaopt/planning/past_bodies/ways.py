@@ -144,9 +144,9 @@ class _Search:
         """Plan those of some more ways that promise to be faster than all before."""
         first = len(self.trials)
         for way in ways:
-            trial = _Trial.along(way, self.attempt, self._hit)
+            trial = self._along(way)
             if len(ways) > 1 or self.trials:
-                trial = trial.solved(self.attempt.scene, self.on_first_mesh)
+                trial = self._solved(trial)
             self.trials.append(trial)
             if trial.is_solved:
                 self.durations[len(self.trials) - 1] = trial.motion.duration
@@ -166,9 +166,10 @@ class _Search:
             trial = self.trials[which]
             if trial.motion.duration > _PROMISING * least:
                 return
-            fine = trial.on_finer(self.attempt.scene, self.on_first_mesh)
-            if fine is None:
+            found = self._on_mesh(trial, trial.near(trial.motion, _FINE))
+            if not found.is_solved:
                 return
+            fine = found.motion
             self.trials[which], self.durations[which] = replace(trial, fine=fine), fine.duration
             least = min(least, fine.duration)
 
@@ -195,6 +196,51 @@ class _Search:
                 break
             except ENDS_AN_ATTEMPT as error:
                 self.failures.append(error)
+
+    def _along(self, way: Way) -> _Trial:
+        """The trial of a way, past the bodies that this comes near, and those that the fastest
+        motion without bodies runs into: without these most ways lead to that."""
+        bodies = near(self.attempt.scene, way.motion.position) | self._hit
+        scene, name = past_these(self.attempt.scene, bodies), f"the way {way.name}"
+        slower = _SLOWER
+        if scene.task.goal.moves:  # it is not where the way ends for long
+            slower = self.attempt.motion.duration / way.motion.duration
+        motion = way.motion.slowed(slower)
+        begin = replace(self.attempt, scene=scene, motion=motion, is_near=True, proposal=name)
+        return _Trial(begin, way.motion.duration, way.motion)
+
+    def _solved(self, trial: _Trial) -> _Trial:
+        """A trial with the motion that is best on the coarsest mesh on which it leads past bodies,
+        where there is one. One that leads through a thin body between two points tells nothing
+        about its way, nor does one that is slower than that was found.
+        """
+        found = trial
+        for factor in _FINER:
+            begin = replace(found.attempt, intervals=factor * trial.attempt.intervals)
+            found = self._on_mesh(trial, begin)
+            if found.is_solved:
+                return found
+        return replace(trial, attempt=replace(trial.attempt, scene=found.attempt.scene))
+
+    def _on_mesh(self, trial: _Trial, attempt: Attempt) -> _Trial:
+        """A trial from an attempt on its first mesh, past all bodies that the motion there runs
+        into at points of that. It is solved again past these from where it is, which is mostly near
+        the best motion past them; where that is not solved, from the way."""
+        motion = if_possible(ENDS_AN_ATTEMPT, self.on_first_mesh, attempt)
+        more = motion and with_those_hit(self.attempt.scene, attempt.scene, motion.position)
+        if motion and more:
+            past = replace(attempt, scene=more)
+            found = self._on_mesh(trial, replace(past, motion=motion))
+            if not found.is_solved:
+                return self._on_mesh(trial, past)
+            return replace(found, attempt=replace(found.attempt, motion=attempt.motion))
+        is_solved = (
+            motion is not None
+            and motion.duration <= trial.longest
+            and leads_past(attempt.scene, motion)
+        )
+        best = motion if motion and is_solved else trial.motion
+        return replace(trial, attempt=attempt, motion=best, is_solved=is_solved)
 
     @cached_property
     def _hit(self) -> frozenset[int]:
@@ -251,78 +297,23 @@ class _Trial:
     is_solved: bool = False
     fine: Trajectory | None = None
 
-    @classmethod
-    def along(cls, way: Way, attempt: Attempt, hit: frozenset[int]) -> _Trial:
-        """The trial of a way, past the bodies that this comes near, and those that are ``hit`` by
-        the fastest motion without bodies: without these most ways lead to that."""
-        bodies = near(attempt.scene, way.motion.position) | hit
-        scene, name = past_these(attempt.scene, bodies), f"the way {way.name}"
-        slower = _SLOWER
-        if scene.task.goal.moves:  # it is not where the way ends for long
-            slower = attempt.motion.duration / way.motion.duration
-        motion = way.motion.slowed(slower)
-        begin = replace(attempt, scene=scene, motion=motion, is_near=True, proposal=name)
-        return cls(begin, way.motion.duration, way.motion)
-
     @property
     def finest(self) -> Trajectory:
         """The motion on the finest mesh that was looked at."""
         return self.fine or self.motion
-
-    def on_finer(
-        self, scene: Scene, on_first_mesh: Callable[[Attempt], Trajectory]
-    ) -> Trajectory | None:
-        """The motion on a finer mesh, from that on the first; None where that is not solved."""
-        found = self._on_mesh(scene, self._from(self.motion, _FINE), on_first_mesh)
-        return found.motion if found.is_solved else None
 
     @property
     def beginnings(self) -> list[Attempt]:
         """What to plan from until that leads to a good plan: the motion on the finest mesh, if
         there is one, and the way's, as one near the best and as one that may be anywhere."""
         finer = _FINE if self.fine else 1
-        found = [self._from(self.finest, finer)] if self.is_solved else []
+        found = [self.near(self.finest, finer)] if self.is_solved else []
         return [*found, self.attempt, replace(self.attempt, is_near=False)]
 
-    def _from(self, motion: Trajectory, finer: int) -> Attempt:
+    def near(self, motion: Trajectory, finer: int) -> Attempt:
         """The attempt from a motion that is near the best, on so much finer a first mesh."""
         intervals = finer * self.attempt.intervals
         return replace(self.attempt, motion=motion, intervals=intervals, is_near=True)
-
-    def solved(self, scene: Scene, on_first_mesh: Callable[[Attempt], Trajectory]) -> _Trial:
-        """This with the motion that is best on the coarsest mesh on which it leads past bodies,
-        where there is one; ``scene``: with all bodies. One that leads through a thin body between
-        two points tells nothing about its way, nor does one that is slower than that was found.
-        """
-        found = self
-        for factor in _FINER:
-            begin = replace(found.attempt, intervals=factor * self.attempt.intervals)
-            found = self._on_mesh(scene, begin, on_first_mesh)
-            if found.is_solved:
-                return found
-        return replace(self, attempt=replace(self.attempt, scene=found.attempt.scene))
-
-    def _on_mesh(
-        self, scene: Scene, attempt: Attempt, on_first_mesh: Callable[[Attempt], Trajectory]
-    ) -> _Trial:
-        """This from an attempt on its first mesh, past all bodies that the motion there runs into
-        at points of that. It is solved again past these from where it is, which is mostly near the
-        best motion past them; where that is not solved, from the way."""
-        motion = if_possible(ENDS_AN_ATTEMPT, on_first_mesh, attempt)
-        more = motion and with_those_hit(scene, attempt.scene, motion.position)
-        if motion and more:
-            past = replace(attempt, scene=more)
-            found = self._on_mesh(scene, replace(past, motion=motion), on_first_mesh)
-            if not found.is_solved:
-                return self._on_mesh(scene, past, on_first_mesh)
-            return replace(found, attempt=replace(found.attempt, motion=attempt.motion))
-        if (
-            motion is None
-            or motion.duration > self.longest
-            or not leads_past(attempt.scene, motion)
-        ):
-            return replace(self, attempt=attempt, is_solved=False)
-        return replace(self, attempt=attempt, motion=motion, is_solved=True)
 
 
 def _past_all(scene: Scene, attempt: Attempt, planned: Planning) -> Plan:
