@@ -294,11 +294,10 @@ class Refinement:
 
         Each mesh is tried once at most.
         """
+        last = self.solutions[-1]
         if self.resolver is None or self._failures or self._repeats or gap >= _DETECTABLE_GAP:
             return None
-        if self.solutions[-1].scaling.softening is not None:
-            return None
-        if self.solutions[-1].faces is not None:
+        if last.scaling.softening is not None or last.faces is not None:
             return None
         if gap < _SHARP_GAP and self._fine_left:
             self._fine_left -= 1

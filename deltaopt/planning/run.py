@@ -85,9 +85,9 @@ class Run(Loop):
     def plan(
         self,
         scene: Scene,
-        under_way: PiecewisePolynomial | None = None,
-        near: Trajectory | None = None,
-        search: Search | None = None,
+        under_way: PiecewisePolynomial | None,
+        near: Trajectory | None,
+        search: Search | None,
     ) -> Plan:
         """The best plan of a scene.
 
@@ -97,7 +97,11 @@ class Run(Loop):
         NotConverged.
         """
         check_feasible(scene)
-        usual = partial(self._usual, under_way, near)
+
+        def usual(scene: Scene) -> Plan:
+            # from a motion that is near the best, or from the usual first motions
+            return self._nearby(scene, near) or self._plan_by_limits(scene, under_way)
+
         if search is None:
             found = self._links_clear(scene, usual)
         else:
@@ -105,12 +109,6 @@ class Run(Loop):
         if found.gap == inf and isinstance(scene.objective, Time) and found.lower_bound:
             found = replace(found, gap=found.duration / found.lower_bound - 1)
         return found
-
-    def _usual(
-        self, under_way: PiecewisePolynomial | None, near: Trajectory | None, scene: Scene
-    ) -> Plan:
-        """The plan from a motion that is near the best, or from the usual first motions."""
-        return self._nearby(scene, near) or self._plan_by_limits(scene, under_way)
 
     def _links_clear(self, scene: Scene, planned: Callable[[Scene], Plan]) -> Plan:
         """The plan of a scene by its limits, with arms and forearms clear of bodies if asked."""

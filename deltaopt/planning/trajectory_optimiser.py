@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from math import inf, isinf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,9 +14,7 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import ENDS_AN_ATTEMPT, DeltaOptError, Infeasible, NotConverged
-from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.running_cost import Running
-from deltaopt.mechanisms.functions import Functions
 from deltaopt.motion.limit_sensitivity import MeshMultipliers
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory, moving_on
@@ -387,12 +385,5 @@ def _multipliers(found: MeshSolution) -> MeshMultipliers | None:
 
 
 @lru_cache(maxsize=32)
-def _program(
-    formulation: ProblemFormulation,
-    functions: Functions,
-    transcription: PiecewiseAcceleration,
-    constraints: Constraints,
-    cost: Cost,
-    solver: Solver,
-) -> Formulated:
-    return formulation.of(functions, transcription, constraints, cost, solver)
+def _program(formulation: ProblemFormulation, *of: Any) -> Formulated:
+    return formulation.of(*of)
