@@ -150,9 +150,7 @@ def beginnings(
     for begin in (slowed, *(Beginning(each, _waiting_mesh(each, intervals)) for each in waiting)):
         guess = Guess(begin.guess, near=False, tolerance=_ROUGHLY)
         model = begin.guess.model
-        raw = if_possible(
-            ENDS_AN_ATTEMPT, problem(begin.mesh).solve, guess, scaling, model.parameters
-        )
+        raw = if_possible(ENDS_AN_ATTEMPT, problem(begin.mesh).solve, guess, scaling)
         if raw is not None:
             motion = Trajectory(raw.position, model, raw.coordinates)
             found.append((cost_of(problem_of(scene), motion), replace(begin, guess=motion)))

@@ -220,10 +220,10 @@ def _priced(plan: Plan, mesh: Array) -> PricedMotion:
     mesh = split(mesh, problem.together)
     scaling = first_tightening(scaling, motion, mesh)
     program = optimiser.program(scaling, cost_to_minimise(scene.objective, scaling))(mesh)
-    found, solved, parameters = None, 1.0, problem.model.parameters
+    found, solved = None, 1.0
     for accuracy in (_ACCURACIES[-1], *_ACCURACIES):
         guess = Guess(motion, near=True, tolerance=accuracy, on_its_mesh=True)
-        other = if_possible((NotConverged,), program.solve, guess, scaling, parameters)
+        other = if_possible((NotConverged,), program.solve, guess, scaling)
         if other is not None:
             found, solved = other, accuracy
             motion = Trajectory(other.position, problem.model)

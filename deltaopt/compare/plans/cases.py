@@ -139,7 +139,7 @@ def delta_case(name: str, scene: Scene) -> Case:
     return Case(
         name,
         scaled_delta(model.functions, scaling.constraints),
-        boundary_values(scaling, model.parameters),
+        boundary_values(scaling),
         guess.position,
         lambda: _resolved(scene),
     )

@@ -162,7 +162,7 @@ class FlatProblem:
         """Whether its solver finds motions in phases, with knots where these meet."""
         return self.equations.together == 1
 
-    def solve(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
+    def solve(self, guess: Guess, scaling: Scaling) -> Solved:
         """Find the best motion on this mesh, by the compiled interior-point method.
 
         Raises NotConverged: another mesh or another first motion mostly leads to a plan then, and
@@ -183,7 +183,7 @@ class FlatProblem:
         for begin in begins:
             settings = replace(begin, tolerance=guess.tolerance, rows=guess.rows, smooth=smooth)
             given = guess if begin is ALMOST else replace(guess, multipliers=None)
-            phases = self._phases(given, scaling, parameters)
+            phases = self._phases(given, scaling)
             start, goal = (boundary(end, scaling) for end in ends)
             between = (boundary(gate, scaling, settings.row_tolerance) for gate in scaling.gates)
             found = self.equations.method.solve(
@@ -203,7 +203,7 @@ class FlatProblem:
             guess.trajectory,
         )
 
-    def _phases(self, guess: Guess, scaling: Scaling, parameters: Array) -> list[Phase]:
+    def _phases(self, guess: Guess, scaling: Scaling) -> list[Phase]:
         """A guess for the interior-point method, in a phase from each gate to the next.
 
         Each phase has a duration of its own; position and velocity are continuous between them.
@@ -219,7 +219,7 @@ class FlatProblem:
         known = np.empty(0) if prices is None else self._known(total, prices)
         if not scaling.gates:
             states = self._states(motion, scaling, 0.0, motion.duration, mesh)
-            p, share = scaling.parameters(parameters), np.ascontiguousarray(shares)
+            p, share = scaling.parameters, np.ascontiguousarray(shares)
             soft = _widths(motion, scaling, mesh)
             return [Phase(mesh, p, share, states, total, cost.duration_is_given, known, soft)]
         first, last = motion.knots[[0, -1]].tolist()
@@ -229,7 +229,7 @@ class FlatProblem:
         for own, (begin, end), p in zip(
             parts(mesh, (passes - first) / motion.duration),
             pairwise(instants),
-            scaling.parameters_in_phases(parameters),
+            scaling.parameters_in_phases,
             strict=True,
         ):
             T, lengths = end - begin, mesh[own] / mesh[own].sum()

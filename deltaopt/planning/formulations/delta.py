@@ -86,11 +86,11 @@ def _limit_rows(
     )
 
 
-def boundary_values(scaling: Scaling, parameters: Array) -> BoundaryValues:
-    """The boundary values of a scene; ``parameters``: values of the mechanism's."""
-    p, start, goal = scaling.parameters(parameters), scaling.problem.start, scaling.problem.goal
+def boundary_values(scaling: Scaling) -> BoundaryValues:
+    """The boundary values of a scene."""
+    start, goal = scaling.problem.start, scaling.problem.goal
     return BoundaryValues(
-        p,
+        scaling.parameters,
         np.array(start.position),
         np.array(goal.position),
         rates=np.array([start.velocity, goal.velocity]),
@@ -115,7 +115,7 @@ class DeltaProblem:
     def points(self) -> Array:
         return self.collocation.transcription.points
 
-    def solve(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
+    def solve(self, guess: Guess, scaling: Scaling) -> Solved:
         """Find the best motion on this mesh by Ipopt.
 
         The solution has all twelve coordinates if the loops may drift; otherwise they close at the
@@ -128,7 +128,7 @@ class DeltaProblem:
                 "No_Progress",
                 guess.trajectory,
             )
-        ends, collocation = boundary_values(scaling, parameters), self.collocation
+        ends, collocation = boundary_values(scaling), self.collocation
         z = collocation.pack(guess.trajectory.position, ends)
         # Long waits of least effort move too far from their guess for the options of a near one.
         options = NEAR if guess.near and not collocation.cost.running else FAR

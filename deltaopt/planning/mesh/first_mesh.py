@@ -40,5 +40,5 @@ def _solved(program: Program, scaling: Scaling, guess: Guess) -> tuple[Trajector
     """The motion that solves a program, and the solution. Raises NotConverged."""
     model = guess.trajectory.model
     tightened = first_tightening(scaling, guess.trajectory, program.mesh)
-    found = program.solve(guess, tightened, model.parameters)
+    found = program.solve(guess, tightened)
     return Trajectory(found.position, model, found.coordinates), found

@@ -23,7 +23,6 @@ import numpy as np
 
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial, hermite_pieces
 from deltaopt.motion.certificate import Certificate, spread
-from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.constraint_rows import ConstraintRows
 from deltaopt.planning.mesh.mesh_solution import MeshSolution
 from deltaopt.planning.nlp.scaling import Scaling
@@ -64,7 +63,7 @@ def hamiltonian_on_mesh(
     states = states.reshape(len(states), 2, -1)
     knots = np.concatenate([states[:-1], states[1:]], axis=1)  # of both ends, (N, 4, m)
     y = np.einsum("danc,nak->ncdk", weights, knots)  # (N, points, 3, m), time in durations
-    J = _jacobian(rows, y, motion.duration / scaling.time, scaling, motion)
+    J = _jacobian(rows, y, motion.duration / scaling.time, scaling)
     pulled = np.einsum("ncr,ncrdk->ncdk", found.solution.multipliers, J)
     p = costates(np.einsum("ncdk,danc->nak", pulled, weights), found.mesh, over)
     A = np.einsum("anc,nak->nck", weights[2][:, :, [0, -1]], knots)
@@ -114,13 +113,10 @@ def _hermite(mesh: Array, points: Array) -> Array:
     return weights.reshape(3, len(mesh), len(points), 4).transpose(0, 3, 1, 2)
 
 
-def _jacobian(
-    rows: ConstraintRows, y: Array, T: float, scaling: Scaling, motion: Trajectory
-) -> Array:
+def _jacobian(rows: ConstraintRows, y: Array, T: float, scaling: Scaling) -> Array:
     """Derivatives of all limits' rows by X, V and A, (N, points, rows, 3, m)."""
-    p = scaling.parameters(motion.model.parameters)
     per_time = np.array([1.0, T, T**2])[:, None]
     points = (y / per_time).reshape(-1, 3 * rows.motors)
-    J = rows.jacobian(points, p)
+    J = rows.jacobian(points, scaling.parameters)
     shape = (*y.shape[:2], rows.of_limits, 3, rows.motors)
     return np.asarray(J[:, : rows.of_limits].reshape(shape) / per_time)

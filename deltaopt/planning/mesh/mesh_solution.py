@@ -55,7 +55,7 @@ def solve_on_mesh(program: Program, scaling: Scaling, guess: Guess) -> MeshSolut
     Raises NotConverged.
     """
     problem = scaling.problem
-    solution = program.solve(guess, scaling, problem.model.parameters)
+    solution = program.solve(guess, scaling)
     trajectory = Trajectory(solution.position, problem.model, solution.coordinates)
     loads = loads_inside(problem, trajectory, FRACTIONS)
     slowing, needed = _needed(loads, scaling)

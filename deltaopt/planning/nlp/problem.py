@@ -148,11 +148,8 @@ class Program(Protocol):
     def takes_phases(self) -> bool:
         """Whether its solver finds motions in phases."""
 
-    def solve(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
-        """Find the best motion on this mesh.
-
-        ``parameters``: values of the mechanism's parameters. Raises NotConverged.
-        """
+    def solve(self, guess: Guess, scaling: Scaling) -> Solved:
+        """Find the best motion on this mesh. Raises NotConverged."""
 
 
 Formulated = Callable[[Array], Program]

@@ -176,11 +176,13 @@ class Scaling:
             shares[-1, -1, places] = np.inf
         return shares
 
-    def vector(self) -> Array:
-        """Values of ``Parameters.scaling``."""
-        softening = np.zeros((1 + self.constraints.motors) * bool(self.problem.model.layers))
+    @property
+    def parameters(self) -> Array:
+        """Values of ``Parameters.vector``."""
+        model = self.problem.model
+        softening = np.zeros((1 + self.constraints.motors) * bool(model.layers))
         softening[:1] = self.softening is not None and self.softening.covers
-        return np.concatenate([self._units, self.limits.numbers, softening])
+        return np.concatenate([self._units, self.limits.numbers, softening, model.parameters])
 
     @property
     def _units(self) -> list[float]:
@@ -188,16 +190,13 @@ class Scaling:
         weights = self.problem.objective.motors if weights_motors(self.constraints) else ()
         return [*self.origin, self.length, self.time, *self.torque, *weights]
 
-    def parameters(self, mechanism: Array) -> Array:
-        """Values of ``Parameters.vector``; ``mechanism``: those of the mechanism."""
-        return np.concatenate([self.vector(), mechanism])
-
-    def parameters_in_phases(self, mechanism: Array) -> list[Array]:
+    @property
+    def parameters_in_phases(self) -> list[Array]:
         """Values of ``Parameters.vector`` in each phase of the motion: numbers of limits differ in
         an approach, and where faces stand for bodies."""
         faces, number = self.faces, len(self.gates) + 1
         numbers = self.limits.in_phases(number) if faces is None else faces.numbers
-        found, units = np.tile(self.parameters(mechanism), (number, 1)), len(self._units)
+        found, units = np.tile(self.parameters, (number, 1)), len(self._units)
         found[:, units : units + numbers.shape[1]] = numbers
         return list(found)
 

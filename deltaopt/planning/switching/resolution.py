@@ -161,7 +161,7 @@ class SwitchResolution:
             candidate.structure,
             candidate.mesh,
             self.scaling.at_goal,
-            self.scaling.parameters(model.parameters),
+            self.scaling.parameters,
             candidate.end_values,
             self.barrier,
         )

@@ -29,7 +29,6 @@ from deltaopt.planning.formulations.loop_closure import (
 from deltaopt.planning.nlp.problem import Cost
 from deltaopt.planning.nlp.program import IPOPT
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
-from deltaopt.robot.model import delta_model
 from tests.planned_scenes import first_guess, scaling_of
 from tests.planned_scenes import flat_equations as planners_equations
 from tests.shipped_cases import PROBLEMS, case, interpreted
@@ -98,9 +97,9 @@ def test_explicit_and_multiplier_have_the_same_solutions(scene, closure):
 def test_the_flat_formulation_is_that_of_the_planner():
     """The flat equations of collocation and the production ones on the same mesh."""
     scene = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
-    model, mesh = delta_model(scene.robot, scene.payload), np.full(10, 0.1)
+    mesh = np.full(10, 0.1)
     problem = planners_equations(scene)(mesh)
-    planners = problem.solve(first_guess(scene, 1e-8), scaling_of(scene), model.parameters)
+    planners = problem.solve(first_guess(scene, 1e-8), scaling_of(scene))
     c = case("pick_and_place")
     problem = equations("pick_and_place", "flat").on(mesh, PiecewiseAcceleration())
     problem = replace(problem, regularisation=0.0)

@@ -57,12 +57,12 @@ def limited(scene: Scene, share: float) -> Scene:
 @machine_code
 def test_a_share_of_the_limits_is_that_of_weaker_motors():
     """The same program, scaled otherwise; the multipliers are those of the whole limits."""
-    mesh, model, scaling = np.full(12, 1 / 12), delta_model(CROSS.robot, 1.0), scaling_of(CROSS)
+    mesh, scaling = np.full(12, 1 / 12), scaling_of(CROSS)
     problem, guess = flat_equations(CROSS)(mesh), first_guess(CROSS, 1e-9)
     dynamic = scaling.constraints.orders > 0
     shared = replace(scaling, share=np.where(dynamic, 0.8, 1.0)[None].repeat(12, axis=0))
     weaker = Scaling(problem_of(limited(CROSS, 0.8)), scaling.time)
-    one, other = (problem.solve(guess, s, model.parameters) for s in (shared, weaker))
+    one, other = (problem.solve(guess, s) for s in (shared, weaker))
     assert one.position.knots[-1] == pytest.approx(other.position.knots[-1], rel=1e-8)
     ours, theirs = one.multipliers[..., dynamic], other.multipliers[..., dynamic]
     np.testing.assert_allclose(0.8 * ours, theirs, atol=1e-5)
@@ -78,11 +78,11 @@ def test_shares_by_interval_and_motor_are_those_of_ipopt():
     share = np.ones((12, scaling.constraints.number))
     share[:, scaling.constraints.is_control] = rng.uniform(0.7, 1.0, (12, 3))
     scaling = replace(scaling, share=share)
-    ours = flat_equations(scene)(mesh).solve(guess, scaling, model.parameters)
+    ours = flat_equations(scene)(mesh).solve(guess, scaling)
     constraints, by_ipopt = limits_of(scene).constraints, Ipopt()
     other = Flat().of(model.functions, LINEAR, constraints, solver=by_ipopt)(mesh)
     exact = replace(other.collocation, regularisation=0.0)
-    ipopts = DeltaProblem(exact).solve(guess, scaling, model.parameters)
+    ipopts = DeltaProblem(exact).solve(guess, scaling)
     assert ours.status == "Solve_Succeeded"
     assert ours.position.knots[-1] == pytest.approx(ipopts.position.knots[-1], rel=1e-6)
     np.testing.assert_allclose(ours.multipliers, ipopts.multipliers, atol=2e-3)

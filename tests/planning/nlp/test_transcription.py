@@ -92,7 +92,7 @@ def flat(model: DeltaModel, degree: int):
 def test_pack_and_unpack_are_inverse(degree):
     model = DeltaModel(SCENE.robot, SCENE.payload)
     problem, scaling = flat(model, degree), Scaling(problem_of(SCENE), 0.2)
-    ends, motion = boundary_values(scaling, model.parameters), cubic(model, 0.4)
+    ends, motion = boundary_values(scaling), cubic(model, 0.4)
     z = problem.pack(motion.position, ends)
     back = Trajectory(problem.unpack(z, ends), model)
     t = np.linspace(0, 0.4, 50)

@@ -38,7 +38,7 @@ def solved_on(
     if compiled is None:
         pytest.skip("without a compiler")
     first = Guess(guess, near=False, tolerance=1e-10)
-    return compiled(mesh).solve(first, scaling, np.zeros(0))
+    return compiled(mesh).solve(first, scaling)
 
 
 class UnitMass:
@@ -46,6 +46,7 @@ class UnitMass:
 
     functions = SimpleNamespace(motors=slice(3, None, 3), layers=lambda parameters: ())
     layers = ()
+    parameters = np.zeros(0)
 
     def motion(self, x, v, a):
         """Twelve coordinates, as a trajectory expects of three chains."""

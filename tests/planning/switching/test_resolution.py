@@ -72,7 +72,7 @@ def test_ipopt_finds_the_same_duration(resolved):
     structure = replace(structure, lengths=structure.lengths * off)
     model = found.trajectory.model
     equations = point_equations(model.functions, scaling.constraints)
-    problem, p = ArcProblem(equations, structure, 8), scaling.parameters(model.parameters)
+    problem, p = ArcProblem(equations, structure, 8), scaling.parameters
     guess = problem.pack(found.trajectory, scaling)
     solution = problem.program.solve(guess, *problem.bounds(scaling), p)
     duration = float(problem.lengths(solution.z).sum()) * scaling.time

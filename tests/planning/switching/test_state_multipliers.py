@@ -24,7 +24,7 @@ def test_a_velocity_limit_has_its_exact_multiplier(line: Line):
     motion, _ = line.on_mesh(UNEVEN, line.guess)
     arcs = detect_structure(UNEVEN, line.rows(motion))
     rows, mesh = ConstraintRows(line.equations), ArcMesh.of(arcs, 5)
-    p = line.scaling.parameters(np.zeros(0))
+    p = line.scaling.parameters
     conditions = OptimalityConditions(rows, arcs, mesh, line.scaling.at_goal, p)
     found = solve_conditions(conditions, motion, line.scaling).point
     (multiplier,) = state_multipliers(conditions, found)

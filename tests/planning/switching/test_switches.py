@@ -62,7 +62,7 @@ def cross():
     model = DeltaModel(scene.robot, scene.payload)
     scaling = Scaling(problem_of(scene), 0.15)
     rows = constraint_rows(point_equations(model.functions, scaling.constraints))
-    return scene, model, scaling, rows, scaling.parameters(model.parameters)
+    return scene, model, scaling, rows, scaling.parameters
 
 
 def test_rows_are_those_of_the_model(cross):
@@ -124,12 +124,10 @@ def test_newton_and_ipopt_find_the_same_switches():
     scaling = Scaling(problem_of(scene), 0.15)
     equations = point_equations(model.functions, scaling.constraints)
     rows, mesh = ConstraintRows(equations), ArcMesh.of(arcs, 8)
-    conditions = OptimalityConditions(
-        rows, arcs, mesh, scaling.at_goal, scaling.parameters(model.parameters)
-    )
+    conditions = OptimalityConditions(rows, arcs, mesh, scaling.at_goal, scaling.parameters)
     found = solve_conditions(conditions, guess, scaling).point
     problem = ArcProblem(equations, arcs, 8)
-    p = scaling.parameters(model.parameters)
+    p = scaling.parameters
     other = problem.program.solve(problem.pack(guess, scaling), *problem.bounds(scaling), p)
     np.testing.assert_allclose(found.lengths, problem.lengths(other.z), atol=1e-8)
     np.testing.assert_allclose(found.A, problem.accelerations(other.z), atol=1e-5)
@@ -152,7 +150,7 @@ def test_exact_answers(line: Line, barrier: float):
     arcs = detect_structure(UNEVEN, line.rows(motion))
     rows, mesh = ConstraintRows(line.equations), ArcMesh.of(arcs, 5)
     conditions = OptimalityConditions(
-        rows, arcs, mesh, line.scaling.at_goal, line.scaling.parameters(np.zeros(0)), (), barrier
+        rows, arcs, mesh, line.scaling.at_goal, line.scaling.parameters, (), barrier
     )
     found = solve_conditions(conditions, motion, line.scaling).point
     assert found.duration * line.scaling.time == pytest.approx(line.duration, rel=2e-8)
@@ -180,7 +178,7 @@ def test_one_motor_with_one_coordinate():
     way = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])[:, None] * line.d
     position = PiecewisePolynomial(np.array([0.0, 1.0]), way[None]).slowed(1.6 * line.duration)
     conditions = OptimalityConditions(
-        rows, arcs, ArcMesh.of(arcs, 5), scaling.at_goal, scaling.parameters(np.zeros(0))
+        rows, arcs, ArcMesh.of(arcs, 5), scaling.at_goal, scaling.parameters
     )
     found = solve_conditions(conditions, Trajectory(position, UnitMass()), scaling).point
     assert found.duration * scaling.time == pytest.approx(line.duration, rel=1e-9)
