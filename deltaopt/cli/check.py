@@ -67,7 +67,7 @@ from deltaopt.scene.objective import Time
 from deltaopt.scene.rotation import Rotation
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
-from deltaopt.scene.task import Task, distance, ends_in_words
+from deltaopt.scene.task import distance, ends_in_words
 from deltaopt.verify.measures import MeasuredMotion
 
 Array = NDArray[np.float64]
@@ -270,9 +270,12 @@ def _description(scene: Scene) -> list[tuple[str, str]]:
     model, task = delta_model(scene.robot, scene.payload), scene.task
     mechanism, parameters = model.functions.mechanism, model.numbers
     coordinates, constraints = mechanism.q.numel(), mechanism.mu.numel()
+    ends = ends_in_words(task)
+    if not task.moves_at_ends:
+        ends += f", {distance(task):.4g} m apart"
     return [
         ("robot", scene.robot.name),
-        ("task", _task(task)),
+        ("task", f"{task.description}: {ends}"),
         ("objective", str(scene.objective)),
         ("coordinates", f"{coordinates}: x, y, z of the platform, three angles of each chain"),
         ("constraints", f"{constraints}: loop closure, eq. (50)-(52)"),
@@ -285,12 +288,6 @@ def _description(scene: Scene) -> list[tuple[str, str]]:
         *([("rotation", _rotation(scene.rotation))] if scene.rotation else []),
         ("baseline", _baseline(scene)),
     ]
-
-
-def _task(task: Task) -> str:
-    """The task in words: what kind, from where to where."""
-    ends = f"{task.description}: {ends_in_words(task)}"
-    return ends if task.moves_at_ends else f"{ends}, {distance(task):.4g} m apart"
 
 
 def default_method(scene: Scene) -> str:

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import inf, sqrt
-from typing import NoReturn
 
 import casadi as ca
 import numpy as np
@@ -228,7 +227,9 @@ def loads_along(problem: Problem, trajectory: Trajectory) -> Callable[[Index, Ar
         loads = evaluate(intervals, fractions)
         if not np.isfinite(loads.rows).all():
             since = evaluate.lengths[intervals] * fractions
-            _explain(evaluate.model, trajectory.position, intervals, since)
+            where = trajectory.position.with_derivatives(intervals, since)
+            evaluate.model.inverse_dynamics(*where)  # which says what is the matter, as a rule
+            raise Unreachable("the motion passes a singular position")
         return loads
 
     return along
@@ -240,14 +241,6 @@ def _padded(coefficients: Array) -> Array:
     padded = np.zeros((len(coefficients), powers, 3))
     padded[:, : coefficients.shape[1]] = coefficients
     return padded.reshape(len(coefficients), -1)
-
-
-def _explain(
-    model: Model, position: PiecewisePolynomial, intervals: Index, since: Array
-) -> NoReturn:
-    """Raise what is the matter with a motion that has no torques."""
-    model.inverse_dynamics(*position.with_derivatives(intervals, since))
-    raise Unreachable("the motion passes a singular position")
 
 
 @lru_cache(maxsize=32)

@@ -158,23 +158,18 @@ def _by_work(way: _Way) -> float:
     """
     if not way.energies.viscous:
         return _work_bound(way, (way.gaining, way.losing(0.0)))
-    inertia = float(way.inertias(np.zeros(1))[0][0])
+    inertia, mass = (float(each[0]) for each in way.inertias(np.zeros(1)))
     if not inertia and not np.isfinite(way.speed).all():
         return 0.0
-    first = _energy_rate(way, way.torque, inertia, float(way.inertias(np.zeros(1))[1][0]))
+    squares = np.sum(way.torque**2) / inertia + np.sum(way.weight**2) / mass if inertia else np.inf
+    growth = float(np.sqrt(squares))  # of the root of twice the energy in a second at most, √W
 
     def bound(duration: float) -> float:
-        fastest = first * duration / np.sqrt(inertia) if inertia else np.inf
+        fastest = growth * duration / np.sqrt(inertia) if inertia else np.inf
         speed = np.minimum(way.speed, fastest)
         return _work_bound(way, (way.gaining, way.losing(speed)))
 
     return _first_possible(lambda duration: bound(duration) <= duration, bound(0.0))
-
-
-def _energy_rate(way: _Way, torque: Array, inertia: float, mass: float) -> float:
-    """By how much the root of twice the energy can grow in a second, √W."""
-    squares = np.sum(torque**2) / inertia + np.sum(way.weight**2) / mass if inertia else np.inf
-    return float(np.sqrt(squares))
 
 
 def _work_bound(way: _Way, phases: tuple[_Forces, ...]) -> float:

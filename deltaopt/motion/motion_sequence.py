@@ -42,16 +42,12 @@ class MotionSequence:
         ]
         return np.append(np.concatenate(inner), self.duration)
 
-    def part_at(self, t: ArrayLike) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
-        """The index of the part that an instant (s) belongs to: of the next one where two meet."""
-        found = np.searchsorted(self.begins, np.atleast_1d(t), side="right") - 1
-        return np.clip(found, 0, len(self.parts) - 1)
-
     def __call__(self, t: ArrayLike) -> Motion:
         """The motion at times t, (N,), s, from 0 to its duration, or at one, a number, in arrays of
         shape (3,). Where two parts meet it is that just after."""
         times = np.atleast_1d(np.asarray(t, dtype=float))
-        which = self.part_at(times)
+        parts_begun = np.searchsorted(self.begins, times, side="right")
+        which = np.clip(parts_begun - 1, 0, len(self.parts) - 1)
         found = Motion(times, *np.zeros((len(_COLUMNS), len(times), 3)))
         for index, part in enumerate(self.parts):
             own = which == index

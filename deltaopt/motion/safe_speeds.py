@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 
 from deltaopt.curves.bernstein import to_bernstein
-from deltaopt.curves.piecewise import Array, Truths
+from deltaopt.curves.piecewise import Array
 
 Excesses = Callable[[Array], Array]
 """Speeds (S,) -> excesses (S, n), positive where a bound is exceeded."""
@@ -39,7 +39,9 @@ def largest_by_roots(excesses: Excesses, most: float, degree: int = 4) -> float 
     of a ``degree`` at most: ``most`` or one of their roots. None if there is none."""
     nodes, to_powers = _fit(degree)
     fitted = np.einsum("pn,nc->pc", to_powers, excesses(most * nodes))
-    coefficients = np.asarray(fitted[:, np.logical_not(_never_positive(np.asarray(fitted)))], float)
+    # A polynomial stays in the convex hull of its Bernstein form: these are positive nowhere.
+    never_positive = np.asarray((to_bernstein(degree) @ fitted <= 0).all(axis=0))
+    coefficients = np.asarray(fitted[:, np.logical_not(never_positive)], float)
     candidates = np.outer(np.append(1.0, _roots(coefficients)), _ROUNDED).ravel()
     values: Array = np.zeros((len(candidates), coefficients.shape[1]))
     for coefficient in coefficients[::-1]:  # Horner
@@ -72,12 +74,6 @@ def _roots(coefficients: Array) -> Array:
     inverse = np.linalg.eigvals(companion).ravel()
     real = inverse.real[np.abs(inverse.imag) <= 1e-6 * np.abs(inverse)]
     return np.asarray(1 / real[real > 1])
-
-
-def _never_positive(coefficients: Array) -> Truths:
-    """Which polynomials, (powers, n), are not positive on [0, 1] because none of the coefficients
-    of their Bernstein form is, whose convex hull they stay in: (n,)."""
-    return np.asarray((to_bernstein(len(coefficients) - 1) @ coefficients <= 0).all(axis=0))
 
 
 def largest_by_trying(excesses: Excesses, most: float) -> float | None:

@@ -8,6 +8,7 @@ where they fail the model looks closer.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -122,20 +123,13 @@ class GuardedFunctions:
 
 def _guarded(function: ca.Function, guards: Callable[..., Any]) -> RowFunction:
     """A function for many points, with guards that are found from the same inputs."""
-    function = _in_scalars(function)
+    with suppress(RuntimeError):  # it calls LAPACK or a sparse solver: then it stays as it is
+        function = function.expand()
     scalar = function.is_a("SXFunction")
     inputs: list[Any] = list(function.sx_in() if scalar else function.mx_in())
     results: list[Any] = [*function.call(inputs), guards(*inputs)]
     whole = ca.Function(function.name(), inputs, results)
     return RowFunction(simplified(whole) if scalar else whole, guarded=True)
-
-
-def _in_scalars(function: ca.Function) -> ca.Function:
-    """A function in scalar expressions if it can be expanded, otherwise as it is."""
-    try:
-        return function.expand()
-    except RuntimeError:  # it calls LAPACK or a sparse solver
-        return function
 
 
 def _result(function: ca.Function, i: int) -> ca.Function:

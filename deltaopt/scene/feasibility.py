@@ -51,7 +51,11 @@ def check_feasible(scene: Scene) -> None:
     says why not.
     """
     if scene.robot_keeps_clear and scene.keep_out:
-        _require_links_clear(scene)
+        ends = zip(("start", "goal"), scene.given_points, strict=False)  # a goal that moves is none
+        via = enumerate(scene.task.via, 1)
+        exact = ((f"via {number}", each.position) for number, each in via if not each.within)
+        for name, point in (*ends, *exact):
+            require_links_clear(scene, name, point)
     for number, each in enumerate(scene.task.via, 1):
         if each.within:
             _require_sphere(scene, number, each)
@@ -68,14 +72,6 @@ def check_feasible(scene: Scene) -> None:
     require_state(scene, "start", start)
     if goal.is_given:
         require_state(scene, "goal", goal)
-
-
-def _require_links_clear(scene: Scene) -> None:
-    """Raise Infeasible if an arm or a forearm is too near to a body at a point that is given."""
-    ends = zip(("start", "goal"), scene.given_points, strict=False)  # a goal that moves is none
-    exact = ((f"via {n}", v.position) for n, v in enumerate(scene.task.via, 1) if not v.within)
-    for name, point in (*ends, *exact):
-        require_links_clear(scene, name, point)
 
 
 def require_links_clear(scene: Scene, name: str, point: Vector3) -> None:

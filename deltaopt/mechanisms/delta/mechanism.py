@@ -79,10 +79,6 @@ class DeltaParameters:
         parts = [load.torque(angle, speed) for load in self.loads]
         return sum(parts, SX(0)) if parts else None
 
-    def most_load(self) -> Most:
-        """The most that loads give to an arm and take."""
-        return sum((load.most() for load in self.loads), Most())
-
     def present(self) -> list[str]:
         """Names of the parameters the model has, in the order of ``Mechanism.parameters``."""
         return list(self._named())
@@ -153,12 +149,13 @@ def delta(parameters: DeltaParameters) -> Mechanism:
     if p.m2 is not None:
         bodies.append(Body("payload", p.m2, platform))
     efforts, closures = [], []
+    most = sum((load.most() for load in p.loads), Most())  # that loads give to an arm and take
     for k, azimuth in enumerate(AZIMUTHS):
         qk, dqk = q[3 + 3 * k : 6 + 3 * k], dq[3 + 3 * k : 6 + 3 * k]
         bodies += [_arm(p, k, azimuth, qk, dqk), _bars(p, k, azimuth, qk, dqk)]
         load = p.load(qk[0], dqk[0])
         value = tau[k] if load is None else tau[k] - load
-        efforts.append(Effort(value, dqk[0], p.most_load()))
+        efforts.append(Effort(value, dqk[0], most))
         closures.append(p.platform_at(platform) - in_base(azimuth, *_tip(p, qk)))
 
     holonomic = ca.vertcat(*closures)  # eq. (50)-(52)

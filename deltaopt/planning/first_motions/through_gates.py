@@ -71,9 +71,11 @@ def through_gates(scene: Scene) -> Iterator[Proposal]:
             yield Proposal("a motion that stops at each point", found)
     stop = stopping(scene) if moving else None
     if stop is not None:
-        onwards = through_gates(_after(scene, stop))
-        while (later := if_possible(RULED_OUT, next, onwards, None)) is not None:
-            yield Proposal(f"a stop, then {later.name}", stop.then(later.motion))
+        later = from_rest(scene, end_of(stop.position))
+        goal = _moved(scene.goal, stop.duration)
+        onwards = through_gates(later.model_copy(update={"goal": goal}))
+        while (then := if_possible(RULED_OUT, next, onwards, None)) is not None:
+            yield Proposal(f"a stop, then {then.name}", stop.then(then.motion))
 
 
 def simple_motions(scene: Scene) -> Iterator[Proposal]:
@@ -163,12 +165,6 @@ def _spline(points: Array, lengths: Array, first: Array, last: Array) -> Piecewi
     velocities (m/s) at its ends."""
     v = spline_rates(lengths, points, first, last)
     return PiecewisePolynomial.hermite(np.append(0.0, np.cumsum(lengths)), points, v)
-
-
-def _after(scene: Scene, before: Trajectory) -> Scene:
-    """The scene from rest where a motion ends, when that has ended."""
-    later = from_rest(scene, end_of(before.position))
-    return later.model_copy(update={"goal": _moved(scene.goal, before.duration)})
 
 
 def _moved(goal: End, since: float) -> End:
