@@ -28,8 +28,6 @@ from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
 from deltaopt.planning.nlp.problem import FASTEST, Cost, Formulated, InteriorPoint, Ipopt, Solver
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 
-_FAST, _IPOPT = InteriorPoint(), Ipopt()
-
 
 class ProblemFormulation(ABC):
     """A way to write the planning problem as a nonlinear program.
@@ -52,13 +50,19 @@ class ProblemFormulation(ABC):
         transcription: PiecewiseAcceleration,
         constraints: Constraints,
         cost: Cost = FASTEST,
-        solver: Solver = _IPOPT,
+        solver: Solver | None = None,
     ) -> Formulated:
-        """Its equations for a mechanism under limits, for Ipopt.
+        """Its equations for a mechanism under limits, for one of its solvers, or for the default.
 
-        ``cost``: what is minimised; the rate of its running part is τᵀτ, N²m². Raises Unusable for
-        limits of order 3.
+        ``cost``: what is minimised; the rate of its running part is τᵀτ, N²m². They are for Ipopt
+        too without a C compiler, and for accelerations that are not linear in every interval.
+        Raises Unusable for limits of order 3 then.
         """
+        kind = self.solvers[0] if solver is None else type(solver)
+        if kind is InteriorPoint and (constraints.order == 3 or transcription.degree == 1):
+            own = compiled_flat(point_equations(functions, constraints), transcription, cost)
+            if own is not None:
+                return own
         if constraints.order == 3:
             raise Unusable(
                 "limits and costs of jerk or torque rate are planned by deltaopt's own method "
@@ -82,26 +86,6 @@ class Flat(ProblemFormulation):
 
     name: str = "flat"
     solvers: ClassVar[tuple[type[Solver], ...]] = (InteriorPoint, Ipopt)
-
-    def of(
-        self,
-        functions: Functions,
-        transcription: PiecewiseAcceleration,
-        constraints: Constraints,
-        cost: Cost = FASTEST,
-        solver: Solver = _FAST,
-    ) -> Formulated:
-        """Its equations for a mechanism under limits.
-
-        They are for Ipopt if that is asked for, without a C compiler, and for accelerations that
-        are not linear in every interval.
-        """
-        is_linear = constraints.order == 3 or transcription.degree == 1
-        if isinstance(solver, InteriorPoint) and is_linear:
-            own = compiled_flat(point_equations(functions, constraints), transcription, cost)
-            if own is not None:
-                return own
-        return super().of(functions, transcription, constraints, cost)
 
     def equations(self, system: ScaledMechanism) -> Equations:
         """Its equations for any scaled mechanism."""
