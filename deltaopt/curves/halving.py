@@ -93,14 +93,6 @@ def halve_until_known(
         parts = parts.halved(unknown)
 
 
-@dataclass(frozen=True)
-class Largest:
-    """How large a measure gets: ``value``, and a number that says ``where``."""
-
-    value: float
-    where: float
-
-
 def surely_largest(
     parts: P,
     look: Callable[[P], tuple[Array, Array, Array]],
@@ -110,8 +102,8 @@ def surely_largest(
     halvings: int,
     most: int,
     fewest: int = 0,
-) -> Largest:
-    """The largest value of some measures at all places of parts.
+) -> tuple[float, float]:
+    """The largest value of some measures at all places of parts, and a number that says where.
 
     It is one that is reached, where they are known to be at most what is ``allowed`` at all others,
     and otherwise a bound that no place exceeds.
@@ -121,7 +113,7 @@ def surely_largest(
     up to which other excesses these are well known. ``halvings``, ``most``: as
     ``halve_until_known`` has them. ``fewest``: parts that are looked at in any case.
     """
-    found, seen = Largest(-np.inf, np.nan), 0
+    found, seen = (-np.inf, np.nan), 0
 
     def unknown(parts: P, is_last: bool) -> Truths:
         nonlocal found, seen
@@ -130,8 +122,8 @@ def surely_largest(
         is_open = ~((beyond <= 0) | ((over > 0) & (beyond <= known(over))))
         told = np.where(is_open & is_last, bound, value).max(axis=1)
         worst = int(told.argmax())
-        if not told[worst] <= found.value:
-            found = Largest(float(told[worst]), float(where[worst]))
+        if not told[worst] <= found[0]:
+            found = float(told[worst]), float(where[worst])
         seen += len(parts)
         return np.asarray(is_open.any(axis=1) | (seen < fewest))
 

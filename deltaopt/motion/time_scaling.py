@@ -60,15 +60,13 @@ _ROUGH, _ROUGH_ROUNDS, _MOST_CHANGE = 0.02, 8, 4.0
 most so many times. It is for a first guess, for which a few per cent are nothing."""
 
 
-def safe_factor(
-    problem: Problem, trajectory: Trajectory, at_least: float = 1.0, sampled: Loads | None = None
-) -> float:
+def safe_factor(problem: Problem, trajectory: Trajectory, at_least: float = 1.0) -> float:
     """The smallest factor k ≥ ``at_least`` by which slowing the motion keeps its limits.
 
     Infinite where no k does, such as where gravity alone exceeds a torque limit or a limit of
-    position is exceeded. ``sampled``: as of ``needed_slowing``.
+    position is exceeded.
     """
-    needed = needed_slowing(problem, trajectory, at_least, sampled)
+    needed = needed_slowing(problem, trajectory, at_least)
     return needed.factor if needed.keeps_places else inf
 
 

@@ -98,7 +98,7 @@ def largest_distance(
         return at_ends.max(axis=1)[:, None], when, bound(parts.points, parts.s)[:, None]
 
     ends, s = np.tile([0.0, 1.0], (number, 1)), np.stack([at_knots[:-1], at_knots[1:]], axis=1)
-    found = surely_largest(
+    return surely_largest(
         _Parts(inside, np.arange(number), ends, control_points_of(position), s),
         distances,
         asked * (1 + _ENOUGH),
@@ -107,7 +107,6 @@ def largest_distance(
         most=_MOST,
         fewest=_FEWEST,
     )
-    return found.value, found.where
 
 
 def from_moving_place(path: Path, pieces: Index, points: Array, s: Array) -> Array:

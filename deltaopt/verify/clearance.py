@@ -85,7 +85,7 @@ def least_clearance(body: Convex, path: PiecewisePolynomial, asked: float) -> tu
         bound = distance - towards * parts.half - off
         return -distance[:, None], parts.middles, -bound[:, None]
 
-    found = surely_largest(
+    nearest, where = surely_largest(
         Parts.of(path, FIRST),
         nearness,
         ENOUGH - asked,
@@ -93,7 +93,7 @@ def least_clearance(body: Convex, path: PiecewisePolynomial, asked: float) -> tu
         halvings=HALVINGS,
         most=MOST,
     )
-    return -found.value, found.where
+    return -nearest, where
 
 
 def largest_accelerations(path: PiecewisePolynomial) -> Array:
@@ -222,7 +222,7 @@ def sure_robot_clearance(scene: Scene, trajectory: Trajectory) -> float:
             bounds.append((level - moved - off).min(axis=2) - radii)
         return -np.hstack(distances), parts.middles, -np.hstack(bounds)
 
-    found = surely_largest(
+    nearest, _ = surely_largest(
         Parts.of(trajectory.position, FIRST),
         nearness,
         ENOUGH - scene.least_clearance,
@@ -230,7 +230,7 @@ def sure_robot_clearance(scene: Scene, trajectory: Trajectory) -> float:
         halvings=HALVINGS,
         most=MOST // len(bodies),
     )
-    return -found.value
+    return -nearest
 
 
 def _bodies(scene: Scene) -> list[Convex]:
