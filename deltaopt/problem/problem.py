@@ -5,7 +5,7 @@ Solvers, meshes, slowing and gaps know the problem, and no scene, key or task.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from math import dist
 
@@ -13,8 +13,7 @@ from deltaopt.files.validated_record import Vector3
 from deltaopt.limits.running_cost import Running
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.problem.boundary import Boundary
-from deltaopt.robot.machine import Machine, Model
-from deltaopt.robot.model import model_of
+from deltaopt.robot.machine import Model
 
 _ROUNDING = 1e-9
 """Relative difference of two durations that are the same but for rounding."""
@@ -101,12 +100,3 @@ class Problem:
     def distance(self) -> float:
         """The straight distance from start to goal, m, where both are known."""
         return dist(self.goal.position, self.start.position)
-
-    def of(self, robot: Machine) -> Problem:
-        """The problem of another robot of the same size with the same limits."""
-        return replace(self, model=model_of(robot, self.model.payload))
-
-    def only(self, kept: tuple[int, ...]) -> Problem:
-        """The problem with some of its items of limits alone, by their indices."""
-        limits = self.limits.only(kept)
-        return self if limits is self.limits else replace(self, limits=limits)

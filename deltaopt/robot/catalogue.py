@@ -78,7 +78,7 @@ class Motor(Record):
 
     @model_validator(mode="after")
     def _torques_fit(self) -> Self:
-        _require_at_most_peak(self, "rated_torque", self.rated_torque, self.peak_torque)
+        _require_at_most_peak("rated_torque", self.rated_torque, self.peak_torque)
         if self.curve is not None:
             require_torque_curve(self.curve, self.peak_torque, "curve")
         return self
@@ -120,7 +120,7 @@ class Gear(Record):
 
     @model_validator(mode="after")
     def _torques_fit(self) -> Self:
-        _require_at_most_peak(self, "nominal_torque", self.nominal_torque, self.peak_torque)
+        _require_at_most_peak("nominal_torque", self.nominal_torque, self.peak_torque)
         return self
 
 
@@ -239,8 +239,6 @@ def _cut(curve: list[tuple[float, float]], last: float, most: float) -> Curve:
     return tuple(zip(speeds.tolist(), torques.tolist(), strict=True))
 
 
-def _require_at_most_peak(
-    record: Record, key: str, torque: float | None, peak: float | None
-) -> None:
+def _require_at_most_peak(key: str, torque: float | None, peak: float | None) -> None:
     if torque is not None and peak is not None and torque > peak:
         raise SceneError(None, key, torque, f"at most the peak torque, {peak:g} N·m")

@@ -41,7 +41,7 @@ def delta_parameters(robot: Robot, payload: float | None) -> DeltaParameters:
     slender = bars.mass * bars.length**2 / 12
     I41, I42, I43 = bars.inertia or (slender, None, slender)
     offset = _components(robot.tool_offset)
-    arm = _arm_and_elbow(robot)
+    mass, inertia, along, across = _arm_and_elbow(robot)
     return DeltaParameters(
         a1=robot.base_radius,
         a2=robot.upper_arm.length / 2,
@@ -49,17 +49,17 @@ def delta_parameters(robot: Robot, payload: float | None) -> DeltaParameters:
         a4=robot.platform_radius,
         m1=robot.platform.mass + 3 * (robot.platform.pins or 0.0) + tool_mass,
         m2=payload,
-        m3=arm.mass,
+        m3=mass,
         m4=bars.mass,
-        I33=arm.inertia,
+        I33=inertia,
         I41=I41,
         I42=I42,
         I43=I43,
         g=gravity[0],
         g_y=gravity[1],
         g_z=gravity[2],
-        b1=arm.along,
-        b2=arm.across,
+        b1=along,
+        b2=across,
         loads=_loads(robot.drive.friction),
         tool_x=offset[0],
         tool_y=offset[1],
@@ -77,19 +77,12 @@ def _loads(friction: Friction | None) -> tuple[ArmLoad, ...]:
     return tuple(loads)
 
 
-@dataclass(frozen=True)
-class _Arm:
-    """All that turns with an arm: its mass, kg, and the moment of inertia about its centre of mass,
-    kg·m². ``along``, ``across``: the centre of mass from the shaft, m; None for a₂ and 0."""
+def _arm_and_elbow(robot: Robot) -> tuple[float, float, float | None, float | None]:
+    """Upper arm, elbow and drive as one body; the drive's inertia is that of its rotation alone.
 
-    mass: float
-    inertia: float
-    along: float | None
-    across: float | None
-
-
-def _arm_and_elbow(robot: Robot) -> _Arm:
-    """Upper arm, elbow and drive as one body; the drive's inertia is that of its rotation alone."""
+    Its mass, kg, the moment of inertia about its centre of mass, kg·m², and how far this is from
+    the shaft, along the arm and across it, m: None for a₂ and 0.
+    """
     arm, elbow = robot.upper_arm, robot.elbow
     inertia = arm.mass * arm.length**2 / 12 if arm.inertia is None else arm.inertia
     inertia += robot.drive.inertia or 0.0
@@ -101,7 +94,7 @@ def _arm_and_elbow(robot: Robot) -> _Arm:
         inertia += reduced * ((arm.length - along) ** 2 + across**2)
         along, across = along + elbow.mass / mass * (arm.length - along), arm.mass / mass * across
     centred = along == arm.length / 2
-    return _Arm(mass, inertia, None if centred else along, across or None)
+    return mass, inertia, None if centred else along, across or None
 
 
 def _components(vector: Vector3) -> tuple[float | None, float | None, float | None]:

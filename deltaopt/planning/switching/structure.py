@@ -105,11 +105,6 @@ class SwitchingStructure:
         """Signs of the active limits of velocities, (arcs, m)."""
         return self.state(1)
 
-    @cached_property
-    def position(self) -> Signs:
-        """Signs of the active limits of positions, (arcs, m)."""
-        return self.state(0)
-
     def state(self, order: int) -> Signs:
         """Signs of the active state limits of order 0 (position) or 1 (velocity), (arcs, m)."""
         return np.array([[motor.state(order) for motor in arc] for arc in self.limits], np.int8)

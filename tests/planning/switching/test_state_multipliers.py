@@ -58,8 +58,8 @@ def test_the_multiplier_of_a_position_limit_is_what_a_tighter_one_costs(number):
     scene = random_move("orsino", number)
     found, scaling = resolved(scene), scaling_of(scene)
     at_margin = found.conditions
-    assert at_margin.structure.position.min() == -1  # at the lower side
-    assert at_margin.structure.position.max() <= 0
+    assert at_margin.structure.state(0).min() == -1  # at the lower side
+    assert at_margin.structure.state(0).max() <= 0
     at = solve_conditions(at_margin, found.trajectory, scaling).point
     by = 1e-5 * at_margin.p[MARGIN]
     tighter = replace(at_margin, p=at_margin.p + by * np.eye(len(at_margin.p))[MARGIN])
