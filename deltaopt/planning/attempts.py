@@ -134,15 +134,6 @@ def on_twice_its_mesh(scene: Scene, motion: Trajectory) -> Attempt:
     )
 
 
-def _attempt(scene: Scene, proposal: Proposal, coarsest: int) -> Attempt | None:
-    """An attempt from a first motion on the coarsest mesh, of at least so many intervals, that
-    keeps it in the workspace and in a tube; None if none does the former."""
-    intervals = intervals_for(proposal.motion, coarsest)
-    if intervals and scene.tube is not None:
-        intervals = intervals_in_tube(scene, proposal.motion, intervals)
-    return Attempt(scene, proposal.motion, intervals, proposal.name) if intervals else None
-
-
 @dataclass(frozen=True)
 class Search:
     """A search for better plans than the usual one: from how many other first motions at ``most``,
@@ -249,10 +240,9 @@ def _in_order(so_far: Outcomes, coarsest: int) -> Iterator[Attempt]:
             break
         begun = len(possible)
         for proposal in proposals:
-            attempt = _attempt(so_far.scene, proposal, coarsest)
-            if attempt:
-                possible.append(attempt)
-                yield attempt
+            if intervals_for(proposal.motion, coarsest):  # a mesh keeps it in the workspace
+                possible.append(from_motion(so_far.scene, proposal, coarsest))
+                yield possible[-1]
         if not so_far.plans:
             yield from _away(possible[begun:])
     possible.sort(key=lambda attempt: attempt.motion.duration)
@@ -286,8 +276,8 @@ def until_good(so_far: Outcomes, coarsest: int, proposals: Iterator[Proposal]) -
 
 
 def from_motion(scene: Scene, proposal: Proposal, coarsest: int) -> Attempt:
-    """The attempt from a motion in phases or where an end moves, on the coarsest mesh on which it
-    stays in the workspace, or on the coarsest."""
+    """The attempt from a first motion on the coarsest mesh, of at least so many intervals, that
+    keeps it in the workspace and in a tube; if none does the former, on the coarsest."""
     motion = proposal.motion
     intervals = intervals_after_waiting(motion, coarsest * max(1, proposal.legs))
     intervals = intervals_for(motion, intervals) or intervals

@@ -17,7 +17,7 @@ from deltaopt.errors import RULED_OUT, DeltaOptError, Infeasible, if_possible
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings, not_found
 from deltaopt.planning.plan import Plan, plan_as_it_is
-from deltaopt.problem.boundary import REST, Boundary
+from deltaopt.problem.boundary import REST
 from deltaopt.robot.model import model_of
 from deltaopt.scene.moving_ends import State
 from deltaopt.scene.scene import Scene
@@ -41,7 +41,7 @@ class TooLate(Infeasible):
 
 @dataclass
 class PlacesOnBelt:
-    """Plans to places of a belt's way, and what came of them.
+    """Plans to places on the way of a scene's belt, and what came of them.
 
     ``planned``: plans a scene, or returns the error that prevents it. ``nearest``: of the places
     that are reached too late, by how many times so: the least, and when the belt is there, s.
@@ -49,18 +49,9 @@ class PlacesOnBelt:
     """
 
     scene: Scene
-    goal: Boundary
     planned: Callable[[Scene], Plan | DeltaOptError]
     nearest: tuple[float, float] | None = None
     is_early: bool = False
-
-    @classmethod
-    def of(
-        cls, scene: Scene, planned: Callable[[Scene], Plan | DeltaOptError]
-    ) -> PlacesOnBelt | None:
-        """None where no goal moves."""
-        goal = scene.task.goal
-        return cls(scene, goal, planned) if goal.moves else None
 
     def plan(self) -> Plan | None:
         """The plan that waits and then meets the belt as soon as possible, or without waiting when
@@ -69,7 +60,7 @@ class PlacesOnBelt:
         if given is not None:  # the belt is at a known place then
             found = self._plan_to(given)
             return replace(found, scene=self.scene) if found else None
-        times = Meetings.of(self.scene, self.goal).durations
+        times = Meetings.of(self.scene, self.scene.task.goal).durations
         if not len(times):
             return None
         late, found = 0.0, None
@@ -126,7 +117,8 @@ class PlacesOnBelt:
 
     def _plan_to(self, time: float) -> Plan | None:
         """The plan to where the belt is at a time, s, whenever it gets there."""
-        at = self.goal.at(time, self.goal.position)
+        goal = self.scene.task.goal
+        at = goal.at(time, goal.position)
         state = State(at=at.position, velocity=at.velocity)
         there = self.scene.model_copy(update={"goal": state})
         plan = if_possible(RULED_OUT, self.planned, there)  # such as beyond a singularity

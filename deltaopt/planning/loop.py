@@ -161,13 +161,10 @@ class Loop:
         tolerance = self.optimiser.tolerance
         return tolerance if tolerance >= _USUAL else _ANOTHER_WAY_ABOVE
 
-    def outcomes(self, scene: Scene) -> Outcomes:
-        return Outcomes(scene, inf if has_time_to_wait(scene) else self.good_gap)
-
     def by_merit(self, scene: Scene) -> Plan:
         """From first motions in order of merit. Raises Unreachable if there is none, NotConverged
         if none leads to a plan."""
-        so_far = self.outcomes(scene)
+        so_far = Outcomes(scene, inf if has_time_to_wait(scene) else self.good_gap)
         self.make(by_merit(so_far, self.optimiser.intervals), so_far)
         return so_far.best_known()
 

@@ -239,15 +239,11 @@ class Run(Loop):
         better of it and a plan by way of places that the belt passes. Past bodies and through
         points, where that takes long, only if nothing was found."""
         slow = limits_of(scene).constraints.has_convex or bool(scene.task.gates)
-        if isinstance(found, Plan) and (slow or found.gap <= self.good_gap):
+        is_good = isinstance(found, Plan) and (slow or found.gap <= self.good_gap)
+        if is_good or not scene.task.goal.moves:
             return found
-
         tried = len(self.attempts)
-        places = PlacesOnBelt.of(
-            scene, lambda each: self._past_or_through(each, simple_motions(each))
-        )
-        if places is None:
-            return found
+        places = PlacesOnBelt(scene, lambda each: self._past_or_through(each, simple_motions(each)))
         self.journal.note("once more, by way of places that the belt passes:")
         waiting = places.plan()
         if waiting is None:

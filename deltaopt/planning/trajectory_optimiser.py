@@ -144,7 +144,6 @@ class TrajectoryOptimiser:
     ) -> Plan:
         """The plan that meshes lead to from a guess and a first mesh."""
         scene, problem = attempt.scene, attempt.problem
-        moving = not problem.is_at_rest
         is_fastest = not problem.objective.running
         refinement = Refinement(
             self.program(scaling, cost_to_minimise(scene.objective, scaling)),
@@ -180,7 +179,7 @@ class TrajectoryOptimiser:
             )
         _require_one_side(problem, chosen.trajectory, chosen.status)
         trajectory = chosen.trajectory
-        if moving:
+        if not problem.is_at_rest:
             trajectory = moving_on(problem, trajectory)
         elif is_fastest:
             trajectory = safe(scene, trajectory, chosen.safe_factor, chosen.status)
