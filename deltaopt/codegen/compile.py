@@ -186,14 +186,6 @@ def _remove_abandoned(folder: Path) -> None:
                 shutil.rmtree(left, ignore_errors=True)
 
 
-def compiled(functions: Sequence[ca.Function]) -> list[ca.Function]:
-    """CasADi functions as machine code, or unchanged if that cannot be made.
-
-    Their names must differ.
-    """
-    return in_machine_code(functions) or list(functions)
-
-
 def in_machine_code(functions: Sequence[ca.Function]) -> list[ca.Function] | None:
     """CasADi functions as machine code; None if that cannot be made.
 

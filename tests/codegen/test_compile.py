@@ -15,7 +15,7 @@ import pytest
 from deltaopt.codegen import c_compiler
 from deltaopt.codegen import compile as compiling
 from deltaopt.codegen.c_compiler import Compiler, compiler
-from deltaopt.codegen.compile import CACHE, compiled, describe, library, recording
+from deltaopt.codegen.compile import CACHE, describe, in_machine_code, library, recording
 
 SOURCE = "int answer(void) { return 42; }\n"
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
@@ -256,11 +256,11 @@ def test_a_long_function_of_casadi_is_compiled_in_parts():
     much = ca.Function("much", [x, p], [ca.vertcat(*results), value])
     little = ca.Function("little", [x], [ca.sin(x)])
     with recording() as asked:
-        compiled([much, little])
+        in_machine_code([much, little])
     (source,) = asked
     assert much.n_instructions() > 5000
     assert max(text.count("\n") for text in source.split("\n}\n")) < 600
-    found = compiled([much, little])
+    found = in_machine_code([much, little])
     points = np.random.default_rng(1).uniform(0.1, 1.0, (5, 3))
     for expected, machine in zip((much, little), found, strict=True):
         assert machine.is_a("External")

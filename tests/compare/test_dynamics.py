@@ -13,7 +13,7 @@ import pytest
 
 from deltaopt.cli import main
 from deltaopt.codegen.c_compiler import compiler
-from deltaopt.codegen.compile import compiled
+from deltaopt.codegen.compile import in_machine_code
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.models import TASKS, Samples, models
 from deltaopt.compare.dynamics.printed import PAPER, as_printed
@@ -73,7 +73,7 @@ def test_compiled_functions_give_the_same(samples: Samples) -> None:
     for task in TASKS:
         model = models(Partition((0, 1, 2)))[6]
         function = model.build(mechanism, task)
-        (machine,) = compiled([function])
+        (machine,) = in_machine_code([function])
         arguments = [*(x[0] for x in task.inputs(samples)), samples.parameters]
         np.testing.assert_allclose(
             np.asarray(machine(*arguments)), np.asarray(function(*arguments)), rtol=1e-13

@@ -16,7 +16,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from deltaopt.codegen.compile import compiled
+from deltaopt.codegen.compile import in_machine_code
 from deltaopt.curves.piecewise import Array, Index
 
 Derivative = tuple[ca.Function, ca.Sparsity]
@@ -51,7 +51,8 @@ class PointFunction:
         """(y, own p) -> r and the nonzeros of ∂r/∂y, and (y, own p, λ) -> those of ∂²(λ·r)/∂y²: as
         machine code where there is a compiler."""
         (jacobian, of_jacobian), (hessian, of_hessian) = self.derived
-        jacobian, hessian = compiled((jacobian, hessian))
+        both = jacobian, hessian
+        jacobian, hessian = in_machine_code(both) or both
         return (jacobian, of_jacobian), (hessian, of_hessian)
 
     @property
