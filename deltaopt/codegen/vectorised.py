@@ -65,7 +65,11 @@ class RowFunction:
     def _few(self, rows: list[Array], which: int | slice, parameters: Array) -> Checked:
         """At the first few points of a memory, or at its first one, as a single point."""
         memory, number = self._memory(), which.stop if isinstance(which, slice) else 1
-        failures = memory.call(self._code, which, number, rows, parameters)
+        for own, given in zip(memory.inputs, rows, strict=False):
+            own[which] = given
+        memory.parameters[...] = parameters
+        memory.description[0] = number
+        failures = self._code(memory.address)
         results = tuple([r[which].copy() for r in memory.results])
         failed = memory.failed[:number].copy() if failures else None
         self._unused.append(memory)
@@ -82,7 +86,7 @@ class RowFunction:
         results = [np.empty((number, size)) for size in self._sizes]
         parameters, failed = np.ascontiguousarray(parameters), np.empty(number, dtype=bool)
         strides = [r.shape[1] if r.ndim == 2 else 0 for r in rows]
-        description = _description(number, rows, strides, parameters, results, failed)
+        description = _description(number, strides, [*rows, parameters, *results, failed])
         failures = self._code(ctypes.addressof(description))
         return tuple(results), failed if failures else None
 
@@ -139,7 +143,8 @@ class RowFunction:
 
 
 class _Memory:
-    """Arguments and results of a few points, and the call of the compiled function with these."""
+    """Arguments and results of a few points, and the address of what tells the compiled function of
+    these."""
 
     def __init__(self, function: RowFunction) -> None:
         sizes = [size for (size,) in function._single]
@@ -147,26 +152,9 @@ class _Memory:
         self.parameters = np.empty(function.times * function.function.size1_in(len(sizes)))
         self.results = [np.empty((_FEW, size)) for size in function._sizes]
         self.failed = np.empty(_FEW, dtype=bool)
-        self._description = _description(
-            0, self.inputs, sizes, self.parameters, self.results, self.failed
-        )
-        self._address = ctypes.addressof(self._description)
-
-    def call(
-        self,
-        code: Any,
-        which: int | slice,
-        number: int,
-        arguments: Sequence[ArrayLike],
-        parameters: Array,
-    ) -> int:
-        """Evaluate at points whose arguments are copied to those rows; how many guards fail."""
-        for own, given in zip(self.inputs, arguments, strict=False):
-            own[which] = given
-        self.parameters[...] = parameters
-        self._description[0] = number
-        failures: int = code(self._address)
-        return failures
+        arrays = [*self.inputs, self.parameters, *self.results, self.failed]
+        self.description = _description(0, sizes, arrays)
+        self.address = ctypes.addressof(self.description)
 
 
 def _shapes_of_floats(arguments: Sequence[ArrayLike]) -> list[tuple[int, ...] | None]:
@@ -174,16 +162,9 @@ def _shapes_of_floats(arguments: Sequence[ArrayLike]) -> list[tuple[int, ...] | 
     return [a.shape if type(a) is np.ndarray and a.dtype == float else None for a in arguments]
 
 
-def _description(
-    number: int,
-    rows: Sequence[Array],
-    strides: Sequence[int],
-    parameters: Array,
-    results: Sequence[Array],
-    failed: NDArray[np.bool],
-) -> Any:
-    """What the compiled function reads: N, the strides, then addresses."""
-    arrays = [*rows, parameters, *results, failed]
+def _description(number: int, strides: Sequence[int], arrays: Sequence[NDArray[Any]]) -> Any:
+    """What the compiled function reads: N, the strides of the arguments, then addresses, of these,
+    of parameters, results and failures."""
     numbers = [number, *strides, *[array.ctypes.data for array in arrays]]
     return (ctypes.c_int64 * len(numbers))(*numbers)
 
