@@ -78,7 +78,7 @@ from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt, Solver
 from deltaopt.planning.nlp.transcription import TRANSCRIPTIONS
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import Planner, plan
-from deltaopt.report.folders import save, save_cycle
+from deltaopt.report.folders import Drawn, save, save_cycle
 from deltaopt.scene.cycle import Cycle, there_and_back
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene
@@ -276,7 +276,7 @@ def _plan(
     _require_rows(trajectory, arguments.rate)
     facts = Facts(scene, trajectory, found, verify(scene, trajectory))
     before = present(directory)
-    files = save(directory, facts, arguments.rate, **_drawn(arguments))
+    files = save(directory, facts, arguments.rate, _drawn(arguments))
     if arguments.json:
         printed = {"scene": str(file), **summary(facts), "files": list(map(str, files))}
         print_json(printed | for_machines(_sensitivities(found, arguments)))
@@ -295,7 +295,7 @@ def _plan_cycle(file: Path, directory: Path, cycle: Cycle, arguments: argparse.N
     with told_meanwhile(arguments.verbose > 0) as progress:
         found = plan_cycle(cycle, **_given(arguments, "tolerance"), progress=progress)
     verification, before = verified(found), present(directory)
-    files = save_cycle(directory, found, verification, arguments.rate, **_drawn(arguments))
+    files = save_cycle(directory, found, verification, arguments.rate, _drawn(arguments))
     if arguments.json:
         record = {"scene": str(file), **content_of_cycle(found, verification)}
         record["files"] = list(map(str, files))
@@ -309,10 +309,9 @@ def _plan_cycle(file: Path, directory: Path, cycle: Cycle, arguments: argparse.N
     return say_failures(verification.failures())
 
 
-def _drawn(arguments: argparse.Namespace) -> dict[str, bool]:
+def _drawn(arguments: argparse.Namespace) -> Drawn:
     """What is drawn of plans and of cycles."""
-    plots = {"chart": not arguments.no_plot, "limits": arguments.plot_limits}
-    return plots | {"report": arguments.report}
+    return Drawn(not arguments.no_plot, arguments.plot_limits, arguments.report)
 
 
 def _sensitivities(

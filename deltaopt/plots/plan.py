@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from math import pi
 from pathlib import Path
 from textwrap import fill
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -51,11 +50,7 @@ _ROOM = 0.22
 
 
 def draw(
-    file: Path,
-    scene: Scene,
-    trajectory: Trajectory,
-    others: Mapping[str, float] = MappingProxyType({}),
-    duty: Duty | None = None,
+    file: Path, scene: Scene, trajectory: Trajectory, others: Mapping[str, float], duty: Duty | None
 ) -> None:
     """Draw a motion for a scene into a file.
 

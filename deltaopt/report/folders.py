@@ -3,6 +3,7 @@ page, all or none."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from deltaopt.files.output_folder import all_or_none
@@ -14,44 +15,47 @@ from deltaopt.planning.plan import Plan
 from deltaopt.verify.cycle import CycleVerification
 
 
+@dataclass(frozen=True)
+class Drawn:
+    """What is drawn beside tables and records.
+
+    ``chart``: plan.png, a plan beside straight lines, which takes longer than all else; or
+    cycle.png. ``limits``: limits.png, every limit over time and the switching functions; of a cycle
+    in the folder of every leg. ``report``: report.html.
+    """
+
+    chart: bool = True
+    limits: bool = False
+    report: bool = False
+
+
 def save_plan(plan: Plan, directory: str | Path, **drawn: bool) -> list[Path]:
-    """Verify a plan and write its files; ``drawn``: which beside the first two, as ``save``."""
-    return save(Path(directory), facts(plan), **drawn)
+    """Verify a plan and write its files; ``drawn``: as of `Drawn`."""
+    return save(Path(directory), facts(plan), RATE, Drawn(**drawn))
 
 
-def save(
-    directory: Path,
-    facts: Facts,
-    rate: float = RATE,
-    *,
-    chart: bool = True,
-    limits: bool = False,
-    report: bool = False,
-) -> list[Path]:
+def save(directory: Path, facts: Facts, rate: float, drawn: Drawn) -> list[Path]:
     """Write the files of a plan into a directory, made if need be, and return their paths.
 
     All of them appear there at once, or none; what else is there stays. ``rate``: instants per
-    second in trajectory.csv, Hz. ``chart``: whether plan.png is drawn, the plan
-    beside straight lines, which takes longer than all else. ``limits``: whether limits.png is,
-    every limit over time and the switching functions. ``report``: whether report.html is written.
-    Raises OSError, naming the file, if one cannot be written.
+    second in trajectory.csv, Hz. Raises OSError, naming the file, if one cannot be written.
     """
     written = [TABLE, plan_files.RECORD]
     with all_or_none(directory) as folder:
         plan_files.write_motion(folder / TABLE, facts.trajectory, rate)
         plan_files.write_json(folder / plan_files.RECORD, facts)
-        if chart:
+        if drawn.chart:
             from deltaopt.plots.plan import draw  # slow to import
 
             written.append("plan.png")
             lines, duty = facts.straight_lines, facts.verification.duty
             draw(folder / written[-1], facts.scene, facts.trajectory, lines, duty)
-        if limits:
+        if drawn.limits:
             from deltaopt.plots.limits import draw_limits
 
             written.append("limits.png")
             draw_limits(folder / written[-1], facts)
-        if report:
+        if drawn.report:
             from deltaopt.report.page import write_report
 
             written.append("report.html")
@@ -60,40 +64,30 @@ def save(
 
 
 def save_cycle(
-    directory: Path,
-    plan: CyclePlan,
-    verification: CycleVerification,
-    rate: float = RATE,
-    *,
-    chart: bool = True,
-    limits: bool = False,
-    report: bool = False,
+    directory: Path, plan: CyclePlan, verification: CycleVerification, rate: float, drawn: Drawn
 ) -> list[Path]:
     """Write the files of a planned cycle into a directory, made if need be; return their paths.
 
     Each leg has a folder there, as a plan of its own has, from which all commands on plans work.
-    ``rate``: instants per second in tables, Hz. ``chart``: whether cycle.png is drawn. ``limits``:
-    whether every leg's folder has limits.png.
-    ``report``: whether report.html is written. Raises OSError, naming the file, if one cannot be
+    ``rate``: instants per second in tables, Hz. Raises OSError, naming the file, if one cannot be
     written.
     """
     legs = list[Path]()
     for index, (leg, measures) in enumerate(zip(plan.legs, verification.legs, strict=True)):
         facts = Facts(leg.scene, leg.trajectory, leg, measures)
-        legs += save(
-            directory / cycle_files.folder_of(index), facts, rate, chart=False, limits=limits
-        )
+        of_leg = Drawn(chart=False, limits=drawn.limits)
+        legs += save(directory / cycle_files.folder_of(index), facts, rate, of_leg)
     written = [TABLE, cycle_files.RECORD]
     record = cycle_files.content_of_cycle(plan, verification)
     with all_or_none(directory) as folder:
         cycle_files.write_cycle(folder / TABLE, plan, rate)
         plan_files.write_record(folder / cycle_files.RECORD, record)
-        if chart:
+        if drawn.chart:
             from deltaopt.plots.cycle import draw_cycle  # slow to import
 
             written.append("cycle.png")
             draw_cycle(folder / written[-1], plan)
-        if report:
+        if drawn.report:
             from deltaopt.report.page import cycle_report
 
             written.append("report.html")

@@ -93,7 +93,7 @@ def test_the_share_of_time_at_a_limit_is_one_number_everywhere(tmp_path, monkeyp
     drawn = pages(monkeypatch)
     scene = deltaopt.load_scene(PROBLEMS / "limits" / "drive_joints_workspace.yaml")
     plan = deltaopt.plan(scene)
-    chart.draw(tmp_path / "plan.png", plan.scene, plan.trajectory)
+    chart.draw(tmp_path / "plan.png", plan.scene, plan.trajectory, {}, None)
     tau = plan.trajectory(plan.trajectory.instants(100_001)).tau
     at = np.abs(tau) >= AT_LIMIT * plan.scene.robot.drive.torque
     share = 100 * at.any(axis=1).mean()
@@ -172,7 +172,7 @@ def test_what_a_motion_stays_in_and_meets_is_drawn(tmp_path, monkeypatch):
         scene = deltaopt.load_scene(PROBLEMS / f"{name}.yaml")
         at_rest = SCENE.model_copy(update={"robot": scene.robot, "start": scene.start})
         motion = deltaopt.baseline(at_rest.model_copy(update={"goal": (0.85, 0.1525, 0.0)}))
-        chart.draw(tmp_path / f"{number}.png", scene, motion)
+        chart.draw(tmp_path / f"{number}.png", scene, motion, {}, None)
     tube, approach, belt = (page.axes[1] for page in drawn)
     allowed = [axes.collections[0].get_paths() for axes in (tube, approach)]
     boxes = [np.ptp(np.vstack([path.vertices for path in each]), axis=0) for each in allowed]
