@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from math import dist, hypot, inf
 
 import casadi as ca
@@ -136,13 +137,8 @@ class KeepOut(_KeepOut):
         places = next(n for n in PLACES if n >= len(solids))
         filled = [(solid, scene.least_clearance) for solid in solids]
         filled += [(FAR, -inf)] * (places - len(solids))
-        return [
-            tuple(
-                n
-                for each in filled
-                for n in (*numbers_of_solid(each[0]), *kept_from(scene, each[1]))
-            )
-        ]
+        each = ((*numbers_of_solid(solid), *kept_from(scene, least)) for solid, least in filled)
+        return [tuple(chain.from_iterable(each))]
 
     def _edge(self, own: SX) -> SX:
         return own[16] + where(own[12] > _HUGE, own[12])

@@ -55,17 +55,11 @@ class LinkClearance(Distances):
             return []
         places = next(n for n in PLACES if n >= len(kept))
         filled = [*kept, *[KeptLink(0, FAR, -inf)] * (places - len(kept))]
-        return [
-            tuple(
-                number
-                for each in filled
-                for number in (
-                    *_of_line(as_delta(scene.robot), each.link),
-                    *numbers_of_solid(each.body),
-                    *kept_from(scene, each.least),
-                )
-            )
-        ]
+        robot, numbers = as_delta(scene.robot), list[float]()
+        for each in filled:
+            numbers += _of_line(robot, each.link) + numbers_of_solid(each.body)
+            numbers += kept_from(scene, each.least)
+        return [tuple(numbers)]
 
     def _size(self, numbers: int) -> int:
         return _OF_LINE + OF_SOLID + OF_LIMIT
