@@ -22,15 +22,13 @@ from deltaopt.planning.formulations.scaled_mechanism import (
     ScaledMechanism,
     Units,
 )
-from deltaopt.planning.mesh.error_estimate import ErrorEstimate, error_estimate
+from deltaopt.planning.mesh.error_estimate import FRACTIONS, ErrorEstimate, error_estimate
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.planner import plan
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene
 
-FRACTIONS = np.linspace(0.0, 1.0, 25)
-"""Fractions of every interval where loads are taken, both ends from inside."""
 RESOLVED = 1e-7
 """Gap of the references that the planner finds."""
 SLOWEST = 16.0

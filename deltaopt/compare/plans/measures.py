@@ -14,13 +14,14 @@ from math import inf, isfinite
 import casadi as ca
 import numpy as np
 
-from deltaopt.compare.plans.cases import FRACTIONS, Case, motion_inside
+from deltaopt.compare.plans.cases import Case, motion_inside
 from deltaopt.curves.nodes import lagrange
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.precise_integrator import PreciseIntegrator
 from deltaopt.planning.formulations.collocation import CollocationProblem
 from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
+from deltaopt.planning.mesh.error_estimate import FRACTIONS
 
 
 @dataclass(frozen=True)
