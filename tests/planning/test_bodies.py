@@ -13,6 +13,7 @@ from deltaopt.errors import Infeasible
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.planning.first_motions.passages import shortest_paths
 from deltaopt.problem.of_scene import problem_of
+from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.verification import verify
@@ -26,9 +27,16 @@ CROSS = load_scene(PROBLEMS / "paths" / "industrial_25_305_25.yaml").model_copy(
 FREE = plan(CROSS)
 
 
-def with_bodies(*bodies: dict, radius: float | None = None, **keys: object) -> Scene:
+NARROW = {"depth": [0.75, 0.95], "radius": 0.2}
+"""A workspace in which a search ends soon that finds nothing."""
+
+
+def with_bodies(
+    *bodies: dict, radius: float | None = None, workspace: dict | None = None, **keys: object
+) -> Scene:
     content = CROSS.model_dump(exclude_none=True) | {"keep_out": list(bodies)} | keys
-    robot = CROSS.robot.model_copy(update={"tool": {"radius": radius} if radius else None})
+    own = {"tool": {"radius": radius} if radius else None, "workspace": workspace}
+    robot = Robot.model_validate(CROSS.robot.model_dump(exclude_none=True) | own)
     return Scene.model_validate(content | {"robot": robot})
 
 
@@ -122,7 +130,7 @@ def test_several_first_guesses_are_led_around_bodies():
 
 
 def test_where_there_is_no_way_the_reason_says_what_was_searched():
-    scene = with_bodies(*slot(-1e-3, 0.01), radius=0.01)
+    scene = with_bodies(*slot(-1e-3, 0.01), radius=0.01, workspace=NARROW)
     reason = "clear of all bodies, but no way past these is found: neither bends to four sides"
     with pytest.raises(Infeasible, match=reason):
         plan(scene)
@@ -171,8 +179,9 @@ def test_a_wall_beside_points_and_moving_ends(keys):
 def test_a_leg_without_a_way_is_named():
     """A wall that nothing leads around, and a via point before it."""
     closed = box([-0.5, -0.005, -1.5], [1.6, 0.005, 1.5])
+    scene = with_bodies(closed, workspace=NARROW, **(ACROSS | {"via": [[0.85, -0.08, 0.03]]}))
     with pytest.raises(Infeasible, match=r"from rest to rest between \[.*no way past these is"):
-        plan(with_bodies(closed, **(ACROSS | {"via": [[0.85, -0.08, 0.03]]})))
+        plan(scene)
 
 
 def test_past_a_thin_plate_the_side_is_found_that_multistart_finds():
