@@ -43,7 +43,7 @@ from studies.problems import add_directory
 HELP = "hold the gaps that plans tell against true ones, on moves of many robots"
 TOLERANCES, FINE = (1e-2, 1e-3, 1e-4), (1e-5, 1e-6)
 """Of every move, and of one move in so many, for these take a hundred times as long."""
-SMALL = {"number": 4, "every": 4}
+SMALL = {"number": 3, "every": 3}
 _TRUER = 0.1
 """Tolerance of the truth over that of the plan that it is made of."""
 _FIRST_MESH = 48

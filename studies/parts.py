@@ -39,7 +39,7 @@ Rate = Callable[[Array], float]
 HELP = "parts a minute by what motors are rated for, and random cycles"
 SHARES = (0.25, 1 / 3, 0.45, 0.6, 0.8, 1.0)
 """Rated torques over peaks; motors of Deltas are rated for a third, about."""
-SMALL = {"robots": (INDUSTRIAL,), "shares": (0.6,)}
+SMALL = {"robots": (INDUSTRIAL,), "shares": (0.45,)}
 _ROBOTS = ("hornet_565", "industrial", "industrial_drive", "industrial_limited", "orsino", "rl5")
 _RANDOM = ("industrial", "orsino", "rl5", "hornet_565")
 _HEAD = """\

@@ -34,7 +34,7 @@ SMALL = {
     "obstacles": 1,
     "starts": 3,
     "kinds": KINDS[:1],
-    "widths": (0.001, CLOSED),
+    "widths": (0.001,),
     "scenes_of_walls": ("wall", "via to a belt"),
     "spacing": 0.05,
 }

@@ -27,7 +27,7 @@ SAYS = {
     "mutations": "test_jumping_velocity",
     "numbers": "every number of a marked block stands in its output",
     "smooth": "with torques that jump",
-    "parts": "| industrial | 0.60 |",
+    "parts": "| industrial | 0.45 |",
     "smoother": "cost of torque rates",
     "processors": "| OpenBLAS for Haswell |",
     "reference": "|`drive.motor.peak_torque`|a torque in N·m, greater than 0|required|",

@@ -32,6 +32,14 @@ def planned(name: str) -> Trajectory:
     return plan(SCENES[name]).trajectory
 
 
+@cache
+def slower(name: str) -> Trajectory:
+    """With room below its limits."""
+    good = planned(name).slowed(1.002)
+    assert verify(SCENES[name], good).torque_excess < 0
+    return good
+
+
 def pieces(trajectory: Trajectory, times: list[float], degree: int) -> PiecewisePolynomial:
     """The same path with knots at these times too, as polynomials of a degree."""
     position = trajectory.position
@@ -68,8 +76,7 @@ def most_in(scene: Scene, position: PiecewisePolynomial, piece: int) -> np.ndarr
 def test_torque_for_a_tenth_of_a_millisecond(name, length, rising, falling, seed):
     """0.1 % too much: a smooth bump uⁿ (1 - u)ᵐ in the path, of some nanometres."""
     rng, scene = np.random.default_rng(seed), SCENES[name]
-    good = planned(name).slowed(1.002)
-    assert verify(scene, good).torque_excess < 0
+    good = slower(name)
     begin = rng.uniform(0.02, 0.97) * good.duration
     degree = rising + falling
     position = pieces(good, [begin, begin + length], degree)
