@@ -204,7 +204,7 @@ def active_rank(problem, solution, task):
 @pytest.mark.parametrize("formulation", ["explicit", "multiplier"])
 @pytest.mark.parametrize("closure", CLOSURES, ids=name)
 def test_no_active_row_depends_on_others(formulation, closure):
-    problem, solution, _ = solved("pick_and_place", formulation, closure, intervals=4)
+    problem, solution, _ = solved("pick_and_place", formulation, closure)
     rows, rank = active_rank(problem, solution, case("pick_and_place").task)
     assert rank == rows
 
