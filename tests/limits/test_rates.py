@@ -217,5 +217,5 @@ def test_friction_that_changes_its_sign_between_two_points_is_found():
         scene = Scene(robot=robot, payload=1.0, limits={"torque_rate": 9900.0}, **ends)
         found[width] = plan(scene)
         assert found[width].within_tolerance
-    assert verify(found[0.1].scene, found[0.1].trajectory).failures() == []
+        assert verify(scene, found[width].trajectory).failures() == []
     assert found[0.1].duration == pytest.approx(found[0.2].duration, rel=0.01)

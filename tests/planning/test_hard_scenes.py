@@ -13,7 +13,7 @@ from math import inf
 import numpy as np
 import pytest
 
-from deltaopt import Cycle, Planner, Scene, load_robot, plan, plan_cycle, verify
+from deltaopt import Cycle, Plan, Planner, Scene, load_robot, plan, plan_cycle, verify
 from deltaopt.errors import DeltaOptError, Infeasible, Unreachable
 from deltaopt.planning.first_motions.initial_motion import detour, line, roughly_fastest
 from deltaopt.planning.first_motions.order_of_merit import (
@@ -158,8 +158,11 @@ def test_a_cycle_whose_legs_tell_no_gap_is_planned(monkeypatch):
     """They pass fast states under limits of torque rates, and told none at a tolerance that takes a
     quarter of a minute: a division by zero."""
     with_gap = Planner.plan_scene
-    without = lambda *given, **named: replace(with_gap(*given, **named), gap=inf)  # noqa: E731
-    monkeypatch.setattr(Planner, "plan_scene", without)
+
+    def without_gap(*given: object, **named: object) -> Plan:
+        return replace(with_gap(*given, **named), gap=inf)
+
+    monkeypatch.setattr(Planner, "plan_scene", without_gap)
     legs = [hard_scene(f"49_cycle_industrial_{i}") for i in (0, 1)]
     found = plan_cycle(Cycle(legs=legs), tolerance=5e-2)
     assert found.gap == inf

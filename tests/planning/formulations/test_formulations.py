@@ -82,7 +82,7 @@ def test_formulations_agree_on_a_coarse_mesh(scene):
     np.testing.assert_allclose(durations, durations[0], rtol=4e-3)
 
 
-@pytest.mark.parametrize("scene", ["pick_and_place", "five_bar"])
+@pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("closure", CLOSURES, ids=name)
 def test_explicit_and_multiplier_have_the_same_solutions(scene, closure):
     """λ takes nothing from and adds nothing to the motion: the collocation is the same."""
