@@ -147,13 +147,19 @@ def beginnings(
     if not waiting:
         return [slowed]
     found = list[tuple[float, Beginning]]()
-    for begin in (slowed, *(Beginning(each, _waiting_mesh(each, intervals)) for each in waiting)):
+
+    def solved(begin: Beginning) -> bool:
         guess = Guess(begin.guess, near=False, tolerance=_ROUGHLY)
         model = begin.guess.model
         raw = if_possible(ENDS_AN_ATTEMPT, problem(begin.mesh).solve, guess, scaling)
         if raw is not None:
             motion = Trajectory(raw.position, model, raw.coordinates)
             found.append((cost_of(problem_of(scene), motion), replace(begin, guess=motion)))
+        return raw is not None
+
+    solved(slowed)
+    for each in waiting:  # on half as fine a mesh where that is not solved
+        any(solved(Beginning(each, _waiting_mesh(each, n))) for n in (intervals, intervals // 2))
     found.sort(key=lambda each: each[0])
     return [begin for _, begin in found] or [slowed]
 

@@ -187,7 +187,9 @@ class TrajectoryOptimiser:
         if not is_fastest:  # what it has cost to keep the limits between points
             ratio = solutions[best].cost / solutions[best - 1].cost
             by_mesh_before = ratio * (1 + iterations[best - 1].gap) - 1
-            gap = min(gap + max(0.0, ratio - 1), max(0.0, by_mesh_before))
+            gap += max(0.0, ratio - 1)
+            if by_mesh_before > 0:  # else a motion that costs less disproves that bound
+                gap = min(gap, by_mesh_before)
             gap = max(gap, _above_least(refinement.solutions, best - 1))
         if problem.least_duration and is_fastest:  # nothing is faster
             gap = min(gap, max(0.0, trajectory.duration / problem.least_duration - 1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from itertools import permutations
 
 import casadi as ca
 import numpy as np
@@ -172,6 +173,15 @@ def test_a_long_motion_waits_where_little_torque_holds_it(payload, duration, les
     held = found.trajectory.model.inverse_dynamics(place, rest, rest)
     assert (torque**2).sum(axis=1).mean() < (held**2).sum() / 20
     assert found.cost <= long(payload, less).cost + (duration - less) * 0.05
+
+
+def test_none_is_beaten_by_one_of_another_duration():
+    """A plan for 0.55 s to 1.5 s, slowed or sped up to the duration of another, costs no less."""
+    plans = [planned(in_time(T)) for T in (0.55, 0.8, 1.0, 1.5)]
+    for found, other in permutations(plans, 2):
+        same = other.trajectory.slowed(found.duration / other.duration)
+        if verify(found.scene, same).ok:
+            assert found.cost <= effort(problem_of(found.scene), same) * (1 + 1e-3)
 
 
 def test_nothing_needs_less_effort():

@@ -34,9 +34,10 @@ _WAITING_DEPTHS = np.linspace(0.02, 0.98, 25)
 """Places on the robot's axis where a motion may wait, from nearly folded chains to nearly stretched
 ones. More of them find the place of least torque more exactly, but cost time, and it is only a
 guess. Nearer to 0 and 1, where the chains are singular, the guess would come to rest too slowly."""
-_UNHURRIED = 2.0
-"""How many times as long as at its fastest a motion to a waiting place takes. At twice the time the
-torques that accelerate are a quarter, so that most of what remains holds the weight."""
+_UNHURRIED, _MOVING = 2.0, 0.9
+"""How many times as long as at its fastest a motion to a waiting place and from there takes. At
+twice the time the torques that accelerate are a quarter, so that most of what remains holds the
+weight. It takes less where the duration is short, and this share of that at most."""
 _JOINT_LINE_INTERVALS = 32
 """Cubics that represent a straight line in the motor angles; they only have to be a good guess."""
 _FAR_OFF = 1e3
@@ -191,11 +192,12 @@ def waiting_motions(scene: Scene, duration: float) -> list[Trajectory]:
         for i, way in ways.items()
         if holding[i] <= min(holding.get(i - 1, np.inf), holding.get(i + 1, np.inf))
     ]
-    return [
-        _with_wait(there, onwards, duration)
-        for there, onwards in least
-        if there.duration + onwards.duration < duration
-    ]
+    found = list[Trajectory]()
+    for there, onwards in least:
+        slower = min(_UNHURRIED, _MOVING * duration / (there.duration + onwards.duration))
+        if slower > 1:
+            found.append(_with_wait(there.slowed(slower), onwards.slowed(slower), duration))
+    return found
 
 
 def has_time_to_wait(scene: Scene) -> bool:
@@ -206,8 +208,8 @@ def has_time_to_wait(scene: Scene) -> bool:
 
 
 def _by_way_of(scene: Scene, depth: float) -> tuple[Trajectory, Trajectory] | None:
-    """Unhurried straight lines to a place on the robot's axis and from there to the goal; None
-    where the limits do not allow them."""
+    """Straight lines to a place on the robot's axis and from there to the goal, as fast as the
+    limits roughly allow; None where they do not."""
     model, place = model_of(scene.robot, scene.payload), scene.robot.on_axis(depth)
     start, goal = given_points(scene.task)
     lines = (
@@ -217,7 +219,7 @@ def _by_way_of(scene: Scene, depth: float) -> tuple[Trajectory, Trajectory] | No
     there, onwards = (if_possible(RULED_OUT, roughly_fastest, scene, line) for line in lines)
     if there is None or onwards is None:
         return None
-    return there.slowed(_UNHURRIED), onwards.slowed(_UNHURRIED)
+    return there, onwards
 
 
 def _holding_effort(way: tuple[Trajectory, Trajectory]) -> float:
