@@ -106,7 +106,7 @@ def test_a_via_point_on_the_edge_without_the_wall_takes_as_long(speed, via, tole
 def test_no_motion_over_the_edge_is_faster_by_ipopt():
     """In two phases that meet anywhere on the edge, by another transcription on the same mesh, and
     without the wall beside it: a bound from below."""
-    found = plan(WALL, tolerance=1e-2)
+    found = plan(WALL, tolerance=1e-3)
     knots = found.trajectory.knots
     x = found.trajectory.position.at(knots)
     passed = int(np.linalg.norm(x[:, :2] - EDGE, axis=1).argmin())
