@@ -60,11 +60,14 @@ class RowFunction:
             return self._interpreted(rows, parameters)
         if number > _FEW:
             return self._many(rows, number, parameters)
-        return self._few(rows, 0 if shapes == self._single else slice(number), parameters)
+        which = 0 if shapes == self._single else slice(number)
+        return self._few(rows, number, which, parameters)
 
-    def _few(self, rows: list[Array], which: int | slice, parameters: Array) -> Checked:
-        """At the first few points of a memory, or at its first one, as a single point."""
-        memory, number = self._memory(), which.stop if isinstance(which, slice) else 1
+    def _few(
+        self, rows: list[Array], number: int, which: int | slice, parameters: Array
+    ) -> Checked:
+        """At a few points, the first of a memory: ``which``, the first alone if it is single."""
+        memory = self._memory()
         for own, given in zip(memory.inputs, rows, strict=False):
             own[which] = given
         memory.parameters[...] = parameters

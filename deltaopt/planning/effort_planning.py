@@ -146,20 +146,19 @@ def beginnings(
         waiting = waiting_motions(scene, scaling.time)
     if not waiting:
         return [slowed]
-    found = list[tuple[float, Beginning]]()
-
-    def solved(begin: Beginning) -> bool:
-        guess = Guess(begin.guess, near=False, tolerance=_ROUGHLY)
-        model = begin.guess.model
-        raw = if_possible(ENDS_AN_ATTEMPT, problem(begin.mesh).solve, guess, scaling)
-        if raw is not None:
-            motion = Trajectory(raw.position, model, raw.coordinates)
-            found.append((cost_of(problem_of(scene), motion), replace(begin, guess=motion)))
-        return raw is not None
-
-    solved(slowed)
-    for each in waiting:  # on half as fine a mesh where that is not solved
-        any(solved(Beginning(each, _waiting_mesh(each, n))) for n in (intervals, intervals // 2))
+    found, tried = list[tuple[float, Beginning]](), [[slowed]]
+    for each in waiting:
+        meshes = (_waiting_mesh(each, number) for number in (intervals, intervals // 2))
+        tried.append([Beginning(each, mesh) for mesh in meshes])
+    for of_one in tried:
+        for begin in of_one:
+            guess = Guess(begin.guess, near=False, tolerance=_ROUGHLY)
+            model = begin.guess.model
+            raw = if_possible(ENDS_AN_ATTEMPT, problem(begin.mesh).solve, guess, scaling)
+            if raw is not None:
+                motion = Trajectory(raw.position, model, raw.coordinates)
+                found.append((cost_of(problem_of(scene), motion), replace(begin, guess=motion)))
+                break  # a mesh that is half as fine is for a guess that is not solved on the first
     found.sort(key=lambda each: each[0])
     return [begin for _, begin in found] or [slowed]
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from math import inf, isinf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -385,6 +385,4 @@ def _multipliers(found: MeshSolution) -> MeshMultipliers | None:
     return MeshMultipliers(limits, solution.multipliers) if solution.all_at_points else None
 
 
-@lru_cache(maxsize=32)
-def _program(formulation: ProblemFormulation, *of: Any) -> Formulated:
-    return formulation.of(*of)
+_program = lru_cache(maxsize=32)(ProblemFormulation.of)

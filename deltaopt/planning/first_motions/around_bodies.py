@@ -31,7 +31,7 @@ from deltaopt.planning.first_motions.bands import (
     sampled,
     sides_of,
 )
-from deltaopt.planning.first_motions.bows import bows, speeds
+from deltaopt.planning.first_motions.bows import bows, is_near_any, speeds
 from deltaopt.planning.first_motions.initial_motion import roughly_fastest
 from deltaopt.planning.first_motions.passages import shortest_paths, what_was_searched
 from deltaopt.problem.of_scene import problem_of
@@ -134,7 +134,7 @@ def _drawn_ways(
     found = list[Way]()
     for path in paths:
         places = resampled(path)
-        if any(np.abs(places - other).max() < _SAME * bodies.way for other in known):
+        if is_near_any(places, known, _SAME * bodies.way):
             continue
         motion = driven(scene, path)
         if motion is not None:
@@ -153,7 +153,7 @@ def clear_motions(scene: Scene, motions: Iterator[Trajectory], number: int) -> I
         for each in [way.motion for way in ways] or [motion]:
             path = sampled(each)
             length = dist(path[-1], path[0])
-            if any(np.abs(path - other).max() < _SAME * length for other in paths):
+            if is_near_any(path, paths, _SAME * length):
                 continue
             paths.append(path)
             yield each

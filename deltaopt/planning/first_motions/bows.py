@@ -11,6 +11,7 @@ solver which begins with it goes to the fast motions of its way rather than to t
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -72,7 +73,7 @@ def bows(bodies: Bodies, base: Array) -> list[Array]:
     for k in np.argsort(taking, kind="stable").tolist():
         if len(found) == _MOST or taking[k] > _SLOWEST * taking.min():
             break
-        if all(np.abs(paths[k] - other).max() > _APART * bodies.way for other in found):
+        if not is_near_any(paths[k], found, _APART * bodies.way):
             found.append(paths[k])
     return found
 
@@ -130,6 +131,12 @@ def _are_possible(bodies: Bodies, paths: Array) -> Truths:
     whole = bodies.pierced(paths[possible], distance[possible]) < 0
     possible[possible] = whole.all(axis=1)
     return possible
+
+
+def is_near_any(path: Array, others: Iterable[Array], most: float) -> bool:
+    """Whether a path, (n, 3), m, is nowhere farther than ``most`` (m) in a coordinate from one of
+    some others, (n, 3), place by place."""
+    return any(float(np.abs(path - other).max()) < most for other in others)
 
 
 def speeds(paths: Array) -> tuple[Array, Array]:
