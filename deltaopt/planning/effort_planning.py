@@ -137,7 +137,8 @@ def beginnings(
     scene: Scene, problem: Formulated, scaling: Scaling, slowed: Beginning, intervals: int
 ) -> list[Beginning]:
     """Where to begin: the fastest motion, slowed to the given duration, alone if there is no time
-    to wait; else what is found from it and from motions that wait, the least cost first.
+    to wait; else what is found from it and from motions that wait, the least cost first, and
+    last that motion itself: what is found on a first mesh may lead through a body.
 
     ``intervals``: of a move before or after a wait.
     """
@@ -160,7 +161,7 @@ def beginnings(
                 found.append((cost_of(problem_of(scene), motion), replace(begin, guess=motion)))
                 break  # a mesh that is half as fine is for a guess that is not solved on the first
     found.sort(key=lambda each: each[0])
-    return [begin for _, begin in found] or [slowed]
+    return [*(begin for _, begin in found), slowed]
 
 
 def far_and_near(starts: Sequence[Beginning], together: int) -> Iterator[tuple[Beginning, bool]]:

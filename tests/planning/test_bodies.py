@@ -15,6 +15,7 @@ from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.planning.first_motions.passages import shortest_paths
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.robot import Robot
+from deltaopt.scene.objective import Effort
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.verification import verify
@@ -184,6 +185,12 @@ def test_a_wall_beside_points_and_moving_ends(keys):
         found = plan(with_bodies(*bodies, **(ACROSS | keys)))
         assert verify(found.scene, found.trajectory).ok
         assert found.duration < 2 * least
+
+
+def test_least_effort_over_a_wall_where_a_motion_that_waits_would_lead_through_it():
+    effort = {"objective": Effort(duration=0.8)}
+    found = plan(with_bodies(*WALL, **(ACROSS | effort)))
+    assert verify(found.scene, found.trajectory).ok
 
 
 def test_a_leg_without_a_way_is_named():
