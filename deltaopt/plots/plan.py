@@ -47,6 +47,8 @@ _LINE = 130
 """Letters of a line of the caption."""
 _ROOM = 0.22
 """Share of the width of what is drawn over time that the names of its lines take."""
+_LABEL = 0.3
+"""Of the longest bar: on a shorter one its label has no room, and stands beside it."""
 
 
 def draw(
@@ -213,14 +215,15 @@ def _bars(axes: Axes, durations: Mapping[str, float]) -> None:
     colours = [LIGHT_GREY] * (len(names) - 1) + [COLOURS[0]]
     axes.barh(names, values, color=colours, height=0.6)
     for row, value in enumerate(values):
+        is_inside = value > _LABEL * max(values)
         axes.annotate(
             f"{value:.3f} s",
             (value, row),
-            (-3, 0),
-            ha="right",
+            (-3 if is_inside else 3, 0),
+            ha="right" if is_inside else "left",
             va="center",
             textcoords="offset points",
-            color="white" if row == len(names) - 1 else BLACK,
+            color="white" if is_inside and row == len(names) - 1 else BLACK,
         )
     axes.invert_yaxis()
     axes.set_ylim(len(names) - 0.4, -0.6)
