@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Index
 from deltaopt.files.validated_record import Vector3
 from deltaopt.mechanisms.instant import Instant as Instant
 from deltaopt.robot.machine import Machine
@@ -272,6 +272,24 @@ class PhasedLimit(Limit):
     def along(self, position: Iterable[Along], numbers: Array) -> tuple[Along, ...]:
         """The rows of a position, three polynomials in m over s or values of them, m, with numbers
         of a phase."""
+        raise NotImplementedError
+
+
+class DividedLimit(Limit):
+    """A limit of the position that holds where one of several others does, its parts, which a
+    motion keeps one after the other. They differ in their numbers alone."""
+
+    def parts(self, numbers: Array) -> int:
+        """How many there are, from the numbers of the scene."""
+        raise NotImplementedError
+
+    def part(self, numbers: Array, first: int, end: int) -> Array:
+        """The numbers of some of them after each other as one."""
+        raise NotImplementedError
+
+    def nearest(self, numbers: Array, x: Array) -> tuple[Index, Array]:
+        """Which of them leaves most room at places, (N, 3), m, and the measure there over the
+        bound, (N,) each."""
         raise NotImplementedError
 
 

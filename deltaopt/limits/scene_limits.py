@@ -11,7 +11,7 @@ import numpy as np
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.limits.constraints import Constraints
-from deltaopt.limits.limit import ConvexLimit, Described, Limit, Numbers, PhasedLimit
+from deltaopt.limits.limit import ConvexLimit, Described, DividedLimit, Limit, Numbers, PhasedLimit
 from deltaopt.limits.running_cost import Running
 
 
@@ -108,7 +108,7 @@ class SceneLimits:
         """Of each row of ``Constraints.convex`` all numbers, with those of its body replaced by
         those of one of its faces, for every face, as of ``ConvexLimit.faces``."""
         return tuple(
-            tuple(self._with_part(part, face) for face in limit.faces(self.numbers[own])[row])
+            tuple(self.with_part(part, face) for face in limit.faces(self.numbers[own])[row])
             for limit, own, row, part in self._convex_rows
         )
 
@@ -117,7 +117,7 @@ class SceneLimits:
         ``ConvexLimit.opened``."""
         limit, own, inner, part = self._convex_rows[row]
         found = limit.opened(self.numbers[own], inner, faces)
-        return None if found is None else self._with_part(part, found)
+        return None if found is None else self.with_part(part, found)
 
     @cached_property
     def _convex_rows(self) -> list[tuple[ConvexLimit, slice, int, slice]]:
@@ -131,11 +131,19 @@ class SceneLimits:
                 found += [(limit, own, k, slice(*part)) for k, part in parts]
         return found
 
-    def _with_part(self, place: slice, part: Array) -> Array:
+    def with_part(self, place: slice, part: Array) -> Array:
         """All numbers, some of them replaced."""
         numbers = self.numbers.copy()
         numbers[place] = part
         return numbers
+
+    @cached_property
+    def divided(self) -> tuple[DividedLimit, slice] | None:
+        """A limit of more than one part, if there is one, and where its numbers are."""
+        for limit, own, _ in self._places:
+            if isinstance(limit, DividedLimit) and limit.parts(self.numbers[own]) > 1:
+                return limit, own
+        return None
 
     @cached_property
     def bound_exponents(self) -> Array:

@@ -13,12 +13,13 @@ instant.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 
 import casadi as ca
 import numpy as np
 
-from deltaopt.curves.piecewise import Array, shifted
-from deltaopt.limits.limit import SX, Bounds, Described, Instant, Limit, Numbers, OwnMeasure
+from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, shifted
+from deltaopt.limits.limit import SX, Bounds, Described, DividedLimit, Instant, Numbers, OwnMeasure
 
 _PARTS = 8
 """Of a rounding: with fewer Newton's method needs more steps, more take longer to compare."""
@@ -36,13 +37,15 @@ _BEYOND = 1e3
 _LEAST_BEND = 0.25
 """Of ‖p′‖²: least curvature of the squared distance in a step of Newton's method, for places beyond
 the path's centre of curvature."""
+_LOOKED_AT = np.linspace(0.0, 1.0, 9)
+"""Shares of a part where its curvature is looked at."""
 _TINY = 1e-24
 """Stands for a squared distance of 0, m², where a root would have no derivative."""
 _ROUNDING = 1e-10
 """m by which the planned tube is thinner: rounding of the distance between two programs."""
 
 
-class Tube(Limit):
+class Tube(DividedLimit):
     """Largest distance of the tool's point from the path of the scene, m: the key ``tube``."""
 
     name, unit, subject, order = "distance from the path", "m", "tool", 0
@@ -69,6 +72,50 @@ class Tube(Limit):
     def rows(self, motion: Instant, numbers: SX) -> SX:
         # The distance has no derivative on the axis.
         return _squared_distance(motion.x, numbers) / numbers[0] ** 2
+
+    def parts(self, numbers: Array) -> int:
+        """Stretches of the path between bends sharper than the tube is wide.
+
+        Inside of such a bend the nearest place of the path jumps from one side of it to the other,
+        where the distance has no derivative.
+        """
+        return len(_middles(numbers)) + 1
+
+    def part(self, numbers: Array, first: int, end: int) -> Array:
+        parts = numbers[1:].reshape(-1, _OF_PART)
+        ends = [0, *_middles(numbers), len(parts)]
+        begin, last = ends[first], ends[end] - 1
+        own = parts[np.clip(np.arange(len(parts)), begin, last)]
+        own[: begin + 1, 15], own[last:, 16] = 0.0, 1.0
+        return np.append(numbers[0], own)
+
+    def nearest(self, numbers: Array, x: Array) -> tuple[Index, Array]:
+        pieces = _pieces(numbers)
+        begin, chord = pieces[:, 0], pieces[:, 1:].sum(axis=1)
+        since = x[:, None] - begin
+        shares = np.clip((since * chord).sum(axis=2) / (chord**2).sum(axis=1), 0.0, 1.0)
+        away = np.linalg.norm(since - shares[:, :, None] * chord, axis=2)
+        which = np.searchsorted(_middles(numbers), away.argmin(axis=1), side="right")
+        return np.asarray(which), away.min(axis=1) / numbers[0]
+
+
+def _pieces(numbers: Array) -> Array:
+    """The polynomials of all parts, over shares from 0 to 1 of each, (parts, 5, 3), m."""
+    return numbers[1:].reshape(-1, _OF_PART)[:, :_COEFFICIENTS].reshape(-1, 5, 3)
+
+
+def _middles(numbers: Array) -> list[int]:
+    """The parts with which the second halves of bends sharper than the tube is wide begin."""
+    pieces = _pieces(numbers)
+    axis = PiecewisePolynomial(np.arange(len(pieces) + 1.0), pieces)
+    rate, second = (axis.inside(*axis.everywhere(_LOOKED_AT), order) for order in (1, 2))
+    speed = np.linalg.norm(rate, axis=1)
+    curvature = np.linalg.norm(np.cross(rate, second), axis=1) / speed**3
+    is_sharp = (numbers[0] * curvature > 1).reshape(len(pieces), -1).any(axis=1)
+    bends = pieces[:, 2:].any(axis=(1, 2))
+    ends = np.flatnonzero(np.diff(bends, prepend=False, append=False)).reshape(-1, 2)
+    firsts = chain.from_iterable(range(a, b, _PARTS) for a, b in ends.tolist())
+    return [k + _PARTS // 2 for k in firsts if is_sharp[k : k + _PARTS].any()]
 
 
 def parts_of(pieces: Array) -> list[Array]:

@@ -11,6 +11,9 @@ the motion is clear of both faces: on the edge, where it touches that.
 What is clear of a face is clear of the body, so that a wrong choice of faces costs time alone,
 which the multipliers of limits with room left tell as part of the gap. On a first mesh, edges that
 are rounded by less than its points are apart count as sharp.
+
+Inside of a bend that is sharper than a tube is wide, the wall of the tube has an edge as well: a
+motion is in the tube as long as it is in the part of it before the bend, or in that behind it.
 """
 
 from __future__ import annotations
@@ -58,6 +61,8 @@ _AT_BODY = 1e-4
 _TOUCHES, _FREE = 0.02, 1e-6
 """Of all that a body costs, what an interval must cost to count as touching it; and what a body
 must cost, as a fraction of the duration per share of its bound."""
+_AT_RIDGE = 0.9
+"""Of its bound: what a limit is at least where a motion touches the edge between its parts."""
 _OPEN = Boundary.passed((None, None, None))
 
 
@@ -91,32 +96,34 @@ def first_phases(program: Program, scaling: Scaling, guess: Guess) -> tuple[Scal
         return scaling, mesh
     distances, _ = signed_distances(problem, _samples(guess.trajectory)[1])
     least = problem.limits.bounds[0][problem.limits.constraints.convex]
-    touched = (distances < least + _AT_BODY).reshape(-1, _SAMPLES, len(least)).any(axis=1)
-    faces = phases_over_edges(problem, guess.trajectory, np.asarray(touched))
+    intervals = len(distances) // _SAMPLES
+    near = (distances < least + _AT_BODY).reshape(intervals, _SAMPLES, len(least))
+    faces = phases_over_edges(problem, guess.trajectory, np.asarray(near.any(axis=1)))
     return (scaling, mesh) if faces is None else (replace(scaling, faces=faces), faces.on(mesh))
 
 
 def _takes_phases(program: Program, scaling: Scaling) -> bool:
-    """Whether a program can be solved in phases past edges: the scene has bodies, and time alone
+    """Whether a program can be solved in phases past edges: the scene has some, and time alone
     counts. Coarse meshes in phases cost less effort than is possible, which the gaps of finer ones
     would tell."""
     is_fastest = not scaling.problem.objective.running
-    return program.takes_phases and scaling.constraints.has_convex and is_fastest
+    has_edges = scaling.constraints.has_convex or bool(scaling.problem.limits.divided)
+    return program.takes_phases and has_edges and is_fastest
 
 
 def phases_over_edges(
     problem: Problem, motion: Trajectory, touched: Truths, sharp: float = _SHARP
 ) -> FacePhases | None:
-    """The phases of a motion that touches sharp edges of bodies, with those that the problem has;
+    """The phases of a motion that touches sharp edges, with those that the problem has;
     None if it touches none, or if there are no phases for it.
 
     ``touched``: in which intervals of the motion it touches which of the bodies of
     ``Constraints.convex``, (N, rows). ``sharp``: radius, m, up to which edges count as sharp.
     """
     limits = problem.limits
-    has_edges = np.array([len(faces) > 1 for faces in limits.faces])
+    has_edges = np.array([len(faces) > 1 for faces in limits.faces], dtype=bool)
     rows = touched.any(axis=0) & has_edges & (limits.edge_radii <= sharp)
-    if not rows.any():
+    if not (rows.any() or limits.divided):
         return None
     times, x = _samples(motion)
     touches = np.repeat(touched, _SAMPLES, axis=0)
@@ -124,8 +131,10 @@ def phases_over_edges(
         row: _parts(limits, row, distances_from_faces(problem, x, row), touches[:, row], sharp)
         for row in np.flatnonzero(rows).tolist()
     }
-    parts = {row: found for row, found in of_bodies.items() if len(found) > 1}
-    changes = [each for found in parts.values() for each in found[1:]]
+    held = np.isin(np.arange(len(rows)), [row for row, own in of_bodies.items() if len(own) > 1])
+    found = *of_bodies.values(), _parts_of_divided(limits, x)
+    parts = [own for own in found if len(own) > 1]
+    changes = [each for own in parts for each in own[1:]]
     if not changes or len(changes) >= _MOST_PHASES:
         return None
     passed = (passes(problem, motion) - motion.knots[0]) / motion.duration
@@ -139,10 +148,9 @@ def phases_over_edges(
     within = [0, *np.searchsorted(passed, instants, side="right").tolist()]  # of the problem's
     of_problem = limits.in_phases(len(passed) + 1)[within]
     numbers = [
-        _numbers_at(limits, list(parts.values()), begin, own)
+        _numbers_at(limits, parts, begin, own)
         for begin, own in zip(begins, of_problem, strict=True)
     ]
-    held = np.isin(np.arange(len(rows)), list(parts))
     gates = tuple(gate for _, gate in meet)
     return FacePhases(_apart(instants), gates, np.array(numbers), held)
 
@@ -204,6 +212,24 @@ def _parts(
             _Part(begins[k], limits.faces[row][order[k]], on_edge[k]) for k in range(first, end)
         ]
     return found
+
+
+def _parts_of_divided(limits: SceneLimits, x: Array) -> list[_Part]:
+    """The parts of a motion at places (N, 3), m, by which parts of a limit that is divided it
+    keeps: it changes over where it touches the edge between them."""
+    if limits.divided is None:
+        return []
+    limit, own = limits.divided
+    numbers = limits.numbers[own]
+    nearest, sizes = limit.nearest(numbers, x)
+    which = np.maximum.accumulate(nearest)
+    changes = (np.flatnonzero(np.diff(which)) + 1).tolist()
+    begins = [0, *(k for k in changes if sizes[k - 1 : k + 1].max() > _AT_RIDGE), len(x)]
+    kept = (limit.part(numbers, which[k], which[end - 1] + 1) for k, end in pairwise(begins))
+    return [
+        _Part(k, limits.with_part(own, part), on_edge=True)
+        for k, part in zip(begins, kept, strict=False)
+    ]
 
 
 def _numbers_at(

@@ -361,9 +361,9 @@ class MeshSolution:
             tightened = tightened_where_exceeded(
                 self.scaling, self.mesh, mesh, points, seen, tightenable, anywhere
             )
+        tightened = replace(tightened, faces=faces)
         if self.excess is None:
             return tightened
-        tightened = replace(tightened, faces=faces)
         return self._tightened_at_bodies(tightened, size, shares, mesh)
 
     def _is_held(self, shares: Array) -> bool:
