@@ -154,17 +154,13 @@ class FlatProblem:
     mesh: Array
     finest: ClassVar[int] = 4000
     """Number of intervals of the finest mesh that is solved: time is proportional to it."""
+    takes_phases: ClassVar[bool] = True
 
     @property
     def points(self) -> Array:
         """Fractions of every interval where the limits are imposed."""
         own = self.equations
         return own.transcription.points if own.together == 1 else np.array([0.0, 1.0])
-
-    @property
-    def takes_phases(self) -> bool:
-        """Whether its solver finds motions in phases, with knots where these meet."""
-        return self.equations.together == 1
 
     def solve(self, guess: Guess, scaling: Scaling) -> Solved:
         """Find the best motion on this mesh, by the compiled interior-point method.

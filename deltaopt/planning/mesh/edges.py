@@ -152,7 +152,7 @@ def phases_over_edges(
         for begin, own in zip(begins, of_problem, strict=True)
     ]
     gates = tuple(gate for _, gate in meet)
-    return FacePhases(_apart(instants), gates, np.array(numbers), held)
+    return FacePhases(_apart(instants), gates, np.array(numbers), held, problem.together)
 
 
 def _apart(instants: Array) -> Array:

@@ -60,13 +60,14 @@ class FacePhases:
     ``instants``: when they meet, fractions of the duration, (n,). ``gates``: what is given there.
     ``numbers``: of all limits in each phase, (n + 1, numbers), those of these bodies replaced by
     those of their faces. ``rows``: which of the rows of ``Constraints.convex`` are these bodies',
-    (rows,).
+    (rows,). ``together``: how many intervals of a mesh after each other are of equal length.
     """
 
     instants: Array
     gates: tuple[Boundary, ...]
     numbers: Array
     rows: Truths
+    together: int
 
     def moved(self, before: Array, after: Array) -> FacePhases:
         """These phases after a solution has changed the lengths of a mesh, (N,) each."""
@@ -80,7 +81,7 @@ class FacePhases:
 
     def on(self, mesh: Array) -> Array:
         """A mesh, (N,), with knots where phases meet: knots that are near give way."""
-        knots = np.append(0.0, np.cumsum(mesh))
+        knots = np.append(0.0, np.cumsum(joined(mesh, self.together)))
         inside = knots[1:-1]
         for instant in self.instants.tolist():
             after = int(np.searchsorted(inside, instant))
@@ -88,4 +89,5 @@ class FacePhases:
             near = _GIVES_WAY * (beside[1] - beside[0])
             stays = (np.abs(inside - instant) > near) | np.isin(inside, self.instants)
             inside = np.unique(np.append(inside[stays], instant))
-        return np.diff(np.concatenate([knots[:1], inside, knots[-1:]]))
+        found = np.diff(np.concatenate([knots[:1], inside, knots[-1:]]))
+        return np.repeat(found / self.together, self.together)

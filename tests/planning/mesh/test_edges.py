@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from deltaopt import State, plan
+from deltaopt import Limits, State, plan
 from deltaopt.mechanisms.instant import AnyInstant, PlatformInstant
 from deltaopt.motion.sure_bounds import distances_from_faces, signed_distances
 from deltaopt.planning.flat.interior_point import Points
@@ -87,14 +87,19 @@ def test_the_wall_is_crossed_on_its_edge(over_the_wall):
 
 
 @pytest.mark.parametrize(
-    ("speed", "via", "tolerance"),
-    [(0.0, [], 1e-5), (0.6, [], 1e-5), (0.0, [(0.835, 0.14, 0.0)], 1e-4)],
+    ("speed", "via", "limits", "tolerance"),
+    [
+        (0.0, [], None, 1e-5),
+        (0.6, [], None, 1e-5),
+        (0.0, [(0.835, 0.14, 0.0)], None, 1e-4),
+        (0.0, [], Limits(jerk=3000.0), 1e-5),
+    ],
 )
-def test_a_via_point_on_the_edge_without_the_wall_takes_as_long(speed, via, tolerance):
-    """From rest, from motion, and with another via point beside the wall. The wall's motion passes
-    the middle of the edge, by symmetry, and touches nothing else."""
+def test_a_via_point_on_the_edge_without_the_wall_takes_as_long(speed, via, limits, tolerance):
+    """From rest, from motion, with another via point beside the wall, and with limited jerk. The
+    wall's motion passes the middle of the edge, by symmetry, and touches nothing else."""
     start = State(at=WALL.start, velocity=(0.0, speed, 0.0)) if speed else WALL.start
-    wall = WALL.model_copy(update={"start": start, "via": via or None})
+    wall = WALL.model_copy(update={"start": start, "via": via or None, "limits": limits})
     ours = plan(wall, tolerance=tolerance)
     through = wall.model_copy(update={"keep_out": None, "via": [(*EDGE, 0.0), *via]})
     theirs = plan(through, tolerance=tolerance)
