@@ -92,7 +92,7 @@ def test_the_wall_is_crossed_on_its_edge(over_the_wall):
         (0.0, [], None, 1e-5),
         (0.6, [], None, 1e-5),
         (0.0, [(0.835, 0.14, 0.0)], None, 1e-4),
-        (0.0, [], Limits(jerk=3000.0), 1e-5),
+        (0.0, [], Limits(jerk=1e4), 1e-5),
     ],
 )
 def test_a_via_point_on_the_edge_without_the_wall_takes_as_long(speed, via, limits, tolerance):
