@@ -276,20 +276,20 @@ class PhasedLimit(Limit):
 
 
 class DividedLimit(Limit):
-    """A limit of the position that holds where one of several others does, its parts, which a
-    motion keeps one after the other. They differ in their numbers alone."""
+    """A limit of the position that permits the union of several regions, which a motion passes in
+    order, such as tubes about the stretches of a path. Each is permitted by this limit with other
+    numbers, and has no edge where two of them meet."""
 
-    def parts(self, numbers: Array) -> int:
+    def regions(self, numbers: Array) -> int:
         """How many there are, from the numbers of the scene."""
         raise NotImplementedError
 
-    def part(self, numbers: Array, first: int, end: int) -> Array:
-        """The numbers of some of them after each other as one."""
+    def of_regions(self, numbers: Array, first: int, end: int) -> Array:
+        """The numbers for some of them after each other."""
         raise NotImplementedError
 
-    def nearest(self, numbers: Array, x: Array) -> tuple[Index, Array]:
-        """Which of them leaves most room at places, (N, 3), m, and the measure there over the
-        bound, (N,) each."""
+    def nearest(self, numbers: Array, x: Array) -> Index:
+        """In which of them places, (N, 3), m, have most room, (N,)."""
         raise NotImplementedError
 
 

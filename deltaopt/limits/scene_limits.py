@@ -6,6 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise, starmap
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -14,12 +15,14 @@ from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.limit import ConvexLimit, Described, DividedLimit, Limit, Numbers, PhasedLimit
 from deltaopt.limits.running_cost import Running
 
+_L = TypeVar("_L", bound=Limit)
+
 
 @dataclass(frozen=True)
-class Phased:
-    """A limit with other numbers in each phase, and where its ``numbers`` and ``rows`` are."""
+class Placed(Generic[_L]):
+    """A limit of a scene, and where its ``numbers`` and ``rows`` are."""
 
-    limit: PhasedLimit
+    limit: _L
     numbers: slice
     rows: slice
 
@@ -73,11 +76,11 @@ class SceneLimits:
         return list(zip(of.limits, numbers, of.slices, strict=True))
 
     @cached_property
-    def phased(self) -> Phased | None:
+    def phased(self) -> Placed[PhasedLimit] | None:
         """The limit whose numbers differ from phase to phase of the motion, if there is one."""
         for limit, numbers, rows in self._places:
             if isinstance(limit, PhasedLimit):
-                return Phased(limit, numbers, rows)
+                return Placed(limit, numbers, rows)
         return None
 
     def in_phases(self, number: int) -> Array:
@@ -138,11 +141,11 @@ class SceneLimits:
         return numbers
 
     @cached_property
-    def divided(self) -> tuple[DividedLimit, slice] | None:
-        """A limit of more than one part, if there is one, and where its numbers are."""
-        for limit, own, _ in self._places:
-            if isinstance(limit, DividedLimit) and limit.parts(self.numbers[own]) > 1:
-                return limit, own
+    def divided(self) -> Placed[DividedLimit] | None:
+        """The limit that permits several regions, if there is one."""
+        for limit, own, rows in self._places:
+            if isinstance(limit, DividedLimit) and limit.regions(self.numbers[own]) > 1:
+                return Placed(limit, own, rows)
         return None
 
     @cached_property

@@ -73,30 +73,30 @@ class Tube(DividedLimit):
         # The distance has no derivative on the axis.
         return _squared_distance(motion.x, numbers) / numbers[0] ** 2
 
-    def parts(self, numbers: Array) -> int:
-        """Stretches of the path between bends sharper than the tube is wide.
+    def regions(self, numbers: Array) -> int:
+        """Tubes about the stretches of the path between the middles of bends whose radius of
+        curvature is less than the tube's radius.
 
-        Inside of such a bend the nearest place of the path jumps from one side of it to the other,
-        where the distance has no derivative.
+        Inside of such a bend the nearest place of the path jumps from one side of it to the other:
+        the distance has no derivative there, and the wall an edge.
         """
-        return len(_middles(numbers)) + 1
+        return len(_divisions(numbers)) + 1
 
-    def part(self, numbers: Array, first: int, end: int) -> Array:
+    def of_regions(self, numbers: Array, first: int, end: int) -> Array:
         parts = numbers[1:].reshape(-1, _OF_PART)
-        ends = [0, *_middles(numbers), len(parts)]
-        begin, last = ends[first], ends[end] - 1
+        begins = [0, *_divisions(numbers), len(parts)]
+        begin, last = begins[first], begins[end] - 1
         own = parts[np.clip(np.arange(len(parts)), begin, last)]
         own[: begin + 1, 15], own[last:, 16] = 0.0, 1.0
         return np.append(numbers[0], own)
 
-    def nearest(self, numbers: Array, x: Array) -> tuple[Index, Array]:
+    def nearest(self, numbers: Array, x: Array) -> Index:
         pieces = _pieces(numbers)
         begin, chord = pieces[:, 0], pieces[:, 1:].sum(axis=1)
         since = x[:, None] - begin
         shares = np.clip((since * chord).sum(axis=2) / (chord**2).sum(axis=1), 0.0, 1.0)
         away = np.linalg.norm(since - shares[:, :, None] * chord, axis=2)
-        which = np.searchsorted(_middles(numbers), away.argmin(axis=1), side="right")
-        return np.asarray(which), away.min(axis=1) / numbers[0]
+        return np.asarray(np.searchsorted(_divisions(numbers), away.argmin(axis=1), side="right"))
 
 
 def _pieces(numbers: Array) -> Array:
@@ -104,8 +104,9 @@ def _pieces(numbers: Array) -> Array:
     return numbers[1:].reshape(-1, _OF_PART)[:, :_COEFFICIENTS].reshape(-1, 5, 3)
 
 
-def _middles(numbers: Array) -> list[int]:
-    """The parts with which the second halves of bends sharper than the tube is wide begin."""
+def _divisions(numbers: Array) -> list[int]:
+    """The parts with which the second halves of bends begin whose radius of curvature is less than
+    the tube's radius."""
     pieces = _pieces(numbers)
     axis = PiecewisePolynomial(np.arange(len(pieces) + 1.0), pieces)
     rate, second = (axis.inside(*axis.everywhere(_LOOKED_AT), order) for order in (1, 2))
@@ -114,7 +115,8 @@ def _middles(numbers: Array) -> list[int]:
     is_sharp = (numbers[0] * curvature > 1).reshape(len(pieces), -1).any(axis=1)
     bends = pieces[:, 2:].any(axis=(1, 2))
     ends = np.flatnonzero(np.diff(bends, prepend=False, append=False)).reshape(-1, 2)
-    firsts = chain.from_iterable(range(a, b, _PARTS) for a, b in ends.tolist())
+    # Fewer than all parts of a rounding are copies that fill unused places.
+    firsts = chain.from_iterable(range(a, b - _PARTS + 1, _PARTS) for a, b in ends.tolist())
     return [k + _PARTS // 2 for k in firsts if is_sharp[k : k + _PARTS].any()]
 
 

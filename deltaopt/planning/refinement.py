@@ -151,7 +151,7 @@ class Refinement:
                 target = max(target, gap / _REDUCTION_AFTER_DETECTION)
             mesh = self._finer(last, target / 3**self._failures)
             faces = self._faces(last)
-            mesh = mesh if faces is None else faces.on(mesh)
+            mesh = mesh if faces is None else faces.on(mesh, self.scaling.problem.together)
             scaling = last.tightened(mesh, faces)
             if self._is_repetition(last, mesh, scaling):
                 self.report(f"{len(last.mesh)} intervals: no finer mesh is known to be worth it")
@@ -266,7 +266,7 @@ class Refinement:
         return mesh if together == 1 else split(mesh, together)
 
     def _faces(self, last: MeshSolution) -> FacePhases | None:
-        """The phases of the next mesh past faces of bodies; None without."""
+        """The phases of the next mesh past edges; None without."""
         known = last.faces
         if self._failures:
             return known

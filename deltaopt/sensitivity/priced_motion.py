@@ -243,6 +243,5 @@ def _with_switches(scaling: Scaling, motion: Trajectory) -> Scaling:
         return scaling
     numbers = np.tile(scaling.limits.numbers, (len(instants) + 1, 1))
     faces = np.zeros(int(scaling.constraints.convex.sum()), bool)  # of no body
-    gates = (_ANYWHERE,) * len(instants)
-    phases = FacePhases(instants, gates, numbers, faces, scaling.problem.together)
+    phases = FacePhases(instants, (_ANYWHERE,) * len(instants), numbers, faces)
     return replace(scaling, faces=phases)

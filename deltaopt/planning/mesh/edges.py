@@ -1,4 +1,4 @@
-"""Motions over sharp edges of bodies, in phases that end where an edge is passed.
+"""Motions over sharp edges of bodies and of tubes, in phases that end where an edge is passed.
 
 At an edge that neither tool nor clearance rounds, the distance from a body has no derivative. A
 solver then finds no way around it unless the motion keeps off, and on every mesh there is another
@@ -12,8 +12,9 @@ What is clear of a face is clear of the body, so that a wrong choice of faces co
 which the multipliers of limits with room left tell as part of the gap. On a first mesh, edges that
 are rounded by less than its points are apart count as sharp.
 
-Inside of a bend that is sharper than a tube is wide, the wall of the tube has an edge as well: a
-motion is in the tube as long as it is in the part of it before the bend, or in that behind it.
+A tube has such edges too, inside of bends whose radius of curvature is less than the tube's radius:
+there a motion is in the tube about the stretch of the path before the middle of the bend, or in
+that about the stretch after it.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from operator import itemgetter
 import numpy as np
 
 from deltaopt.curves.piecewise import Array, Index, Truths
-from deltaopt.limits.constraints import Constraints
-from deltaopt.limits.scene_limits import SceneLimits
+from deltaopt.limits.limit import DividedLimit
+from deltaopt.limits.scene_limits import Placed, SceneLimits
 from deltaopt.motion.sure_bounds import distances_from_faces, signed_distances
 from deltaopt.motion.trajectory import Trajectory, passes
 from deltaopt.planning.nlp.phases import FacePhases
@@ -38,7 +39,7 @@ from deltaopt.problem.problem import Problem
 _SHARP = 2e-5
 """Radius of edges, m, up to which they are sharp."""
 _MOST_PHASES = 8
-"""More say that a body has too many faces for phases of their own."""
+"""More say that bodies have too many faces for phases of their own."""
 _SHORTEST = 2e-3
 """Shortest phase, as a fraction of the duration."""
 _SAMPLES = 8
@@ -59,17 +60,16 @@ over a body between points, it is farther beyond all faces, and counts as clear 
 _AT_BODY = 1e-4
 """How near, m, a motion comes to a body whose edge it passes."""
 _TOUCHES, _FREE = 0.02, 1e-6
-"""Of all that a body costs, what an interval must cost to count as touching it; and what a body
+"""Of all that a limit costs, what an interval must cost to count as touching it; and what the limit
 must cost, as a fraction of the duration per share of its bound."""
-_AT_RIDGE = 0.9
-"""Of its bound: what a limit is at least where a motion touches the edge between its parts."""
 _OPEN = Boundary.passed((None, None, None))
 
 
 @dataclass(frozen=True)
 class _Part:
-    """A part of a motion, from a sample on, in which it is clear of what some numbers describe, of
-    a row's body. ``on_edge``: whether it begins on an edge that is touched."""
+    """A part of a motion, from a sample on, in which it keeps limits with other numbers: clear of a
+    face of a body, or in the tube about a stretch of its path. ``on_edge``: whether it begins on an
+    edge that is touched."""
 
     begin: int
     numbers: Array
@@ -83,8 +83,7 @@ def next_phases(
     also where there can be none."""
     if not _takes_phases(program, scaling):
         return None
-    touched = touching(scaling.constraints, solution)
-    return phases_over_edges(scaling.problem, motion, touched, sharp)
+    return phases_over_edges(scaling.problem, motion, touching(solution), sharp)
 
 
 def first_phases(program: Program, scaling: Scaling, guess: Guess) -> tuple[Scaling, Array]:
@@ -95,11 +94,14 @@ def first_phases(program: Program, scaling: Scaling, guess: Guess) -> tuple[Scal
     if not guess.near or not _takes_phases(program, scaling):
         return scaling, mesh
     distances, _ = signed_distances(problem, _samples(guess.trajectory)[1])
-    least = problem.limits.bounds[0][problem.limits.constraints.convex]
-    intervals = len(distances) // _SAMPLES
-    near = (distances < least + _AT_BODY).reshape(intervals, _SAMPLES, len(least))
-    faces = phases_over_edges(problem, guess.trajectory, np.asarray(near.any(axis=1)))
-    return (scaling, mesh) if faces is None else (replace(scaling, faces=faces), faces.on(mesh))
+    convex = problem.limits.constraints.convex
+    near = distances < problem.limits.bounds[0][convex] + _AT_BODY
+    touched = np.zeros((len(near) // _SAMPLES, len(convex)), np.bool)
+    touched[:, convex] = near.reshape(len(touched), _SAMPLES, near.shape[1]).any(axis=1)
+    faces = phases_over_edges(problem, guess.trajectory, touched)
+    if faces is None:
+        return scaling, mesh
+    return replace(scaling, faces=faces), faces.on(mesh, problem.together)
 
 
 def _takes_phases(program: Program, scaling: Scaling) -> bool:
@@ -107,7 +109,7 @@ def _takes_phases(program: Program, scaling: Scaling) -> bool:
     counts. Coarse meshes in phases cost less effort than is possible, which the gaps of finer ones
     would tell."""
     is_fastest = not scaling.problem.objective.running
-    has_edges = scaling.constraints.has_convex or bool(scaling.problem.limits.divided)
+    has_edges = scaling.constraints.has_convex or scaling.problem.limits.divided is not None
     return program.takes_phases and has_edges and is_fastest
 
 
@@ -117,23 +119,26 @@ def phases_over_edges(
     """The phases of a motion that touches sharp edges, with those that the problem has;
     None if it touches none, or if there are no phases for it.
 
-    ``touched``: in which intervals of the motion it touches which of the bodies of
-    ``Constraints.convex``, (N, rows). ``sharp``: radius, m, up to which edges count as sharp.
+    ``touched``: in which intervals of the motion it is at the bound of which limits, (N, rows).
+    ``sharp``: radius, m, up to which edges count as sharp.
     """
     limits = problem.limits
-    has_edges = np.array([len(faces) > 1 for faces in limits.faces], dtype=bool)
-    rows = touched.any(axis=0) & has_edges & (limits.edge_radii <= sharp)
-    if not (rows.any() or limits.divided):
+    divided, touches = limits.divided, np.repeat(touched, _SAMPLES, axis=0)
+    of_bodies = touches[:, limits.constraints.convex]
+    has_edges = np.array([len(faces) > 1 for faces in limits.faces], np.bool)
+    rows = of_bodies.any(axis=0) & has_edges & (limits.edge_radii <= sharp)
+    if not rows.any() and divided is None:
         return None
     times, x = _samples(motion)
-    touches = np.repeat(touched, _SAMPLES, axis=0)
-    of_bodies = {
-        row: _parts(limits, row, distances_from_faces(problem, x, row), touches[:, row], sharp)
-        for row in np.flatnonzero(rows).tolist()
-    }
-    held = np.isin(np.arange(len(rows)), [row for row, own in of_bodies.items() if len(own) > 1])
-    found = *of_bodies.values(), _parts_of_divided(limits, x)
-    parts = [own for own in found if len(own) > 1]
+    parts, held = list[list[_Part]](), np.zeros(len(rows), np.bool)
+    for row in np.flatnonzero(rows).tolist():
+        distances = distances_from_faces(problem, x, row)
+        parts.append(_parts(limits, row, distances, of_bodies[:, row], sharp))
+        held[row] = len(parts[-1]) > 1
+    if divided is not None:
+        at_wall = np.asarray(touches[:, divided.rows].any(axis=1))
+        parts.append(_parts_by_regions(limits, divided, x, at_wall))
+    parts = [own for own in parts if len(own) > 1]
     changes = [each for own in parts for each in own[1:]]
     if not changes or len(changes) >= _MOST_PHASES:
         return None
@@ -152,7 +157,7 @@ def phases_over_edges(
         for begin, own in zip(begins, of_problem, strict=True)
     ]
     gates = tuple(gate for _, gate in meet)
-    return FacePhases(_apart(instants), gates, np.array(numbers), held, problem.together)
+    return FacePhases(_apart(instants), gates, np.array(numbers), held)
 
 
 def _apart(instants: Array) -> Array:
@@ -162,14 +167,14 @@ def _apart(instants: Array) -> Array:
     return np.asarray(np.minimum(later, 1 - places[::-1]))
 
 
-def price_of_places(constraints: Constraints, solution: Solved) -> Array:
-    """Multipliers of limits that are convex in the position, in each interval, (N, rows)."""
-    return np.asarray(np.abs(solution.multipliers[:, :, constraints.convex]).sum(axis=1))
+def prices(solution: Solved) -> Array:
+    """Multipliers of all limits in each interval, (N, rows)."""
+    return np.asarray(np.abs(solution.multipliers).sum(axis=1))
 
 
-def touching(constraints: Constraints, solution: Solved) -> Truths:
-    """In which intervals the motion of a solution touches which bodies, (N, rows)."""
-    price = price_of_places(constraints, solution)
+def touching(solution: Solved) -> Truths:
+    """In which intervals the motion of a solution is at the bound of which limits, (N, rows)."""
+    price = prices(solution)
     return np.asarray(price > _TOUCHES * np.maximum(price.sum(axis=0), _FREE))
 
 
@@ -214,29 +219,28 @@ def _parts(
     return found
 
 
-def _parts_of_divided(limits: SceneLimits, x: Array) -> list[_Part]:
-    """The parts of a motion at places (N, 3), m, by which parts of a limit that is divided it
-    keeps: it changes over where it touches the edge between them."""
-    if limits.divided is None:
-        return []
-    limit, own = limits.divided
-    numbers = limits.numbers[own]
-    nearest, sizes = limit.nearest(numbers, x)
-    which = np.maximum.accumulate(nearest)
+def _parts_by_regions(
+    limits: SceneLimits, divided: Placed[DividedLimit], x: Array, touches: Truths
+) -> list[_Part]:
+    """The parts of a motion at places (N, 3), m, by the regions of a limit that it is in: from one
+    to the next where it touches the edge between them. ``touches``: at which samples it is at the
+    bound, (N,)."""
+    limit, numbers = divided.limit, limits.numbers[divided.numbers]
+    which = np.maximum.accumulate(limit.nearest(numbers, x))  # in order, though it may skip some
     changes = (np.flatnonzero(np.diff(which)) + 1).tolist()
-    begins = [0, *(k for k in changes if sizes[k - 1 : k + 1].max() > _AT_RIDGE), len(x)]
-    kept = (limit.part(numbers, which[k], which[end - 1] + 1) for k, end in pairwise(begins))
-    return [
-        _Part(k, limits.with_part(own, part), on_edge=True)
-        for k, part in zip(begins, kept, strict=False)
-    ]
+    on_edge = [k for k in changes if touches[max(k - _NEAR_END, 0) : k + _NEAR_END].any()]
+    found = list[_Part]()
+    for begin, end in pairwise([0, *on_edge, len(x)]):
+        own = limit.of_regions(numbers, which[begin], which[end - 1] + 1)
+        found.append(_Part(begin, limits.with_part(divided.numbers, own), on_edge=True))
+    return found
 
 
 def _numbers_at(
     limits: SceneLimits, parts: list[list[_Part]], sample: int, numbers: Array
 ) -> Array:
     """The numbers of all limits in the phase that begins at a sample, from those of the problem's
-    phase there, ``numbers``; ``parts``: of each body."""
+    phase there, ``numbers``; ``parts``: of each body, and of a tube."""
     for each in parts:
         own = next(part for part in reversed(each) if part.begin <= sample).numbers
         numbers = np.where(own != limits.numbers, own, numbers)

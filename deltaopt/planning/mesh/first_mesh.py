@@ -32,7 +32,8 @@ def motion_on_first_mesh(
     if faces is None:
         return motion
     past, begin = replace(scaling, faces=faces), replace(guess, trajectory=motion)
-    found = if_possible(ENDS_AN_ATTEMPT, _solved, program(faces.on(own.mesh)), past, begin)
+    mesh = faces.on(own.mesh, scaling.problem.together)
+    found = if_possible(ENDS_AN_ATTEMPT, _solved, program(mesh), past, begin)
     return found[0] if found and found[0].duration < motion.duration else motion
 
 

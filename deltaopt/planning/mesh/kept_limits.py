@@ -47,7 +47,7 @@ a start that is at a limit of speed itself tightening does not help, but a short
 
 def tightest(tolerance: float, faces: FacePhases | None) -> float:
     """The tightest relative tolerance to which a solver finds the least duration, for that of a
-    plan; ``faces``: phases past faces of bodies."""
+    plan; ``faces``: phases past edges."""
     return tolerance / (_LOOSER if faces is None else _LOOSER_PAST_FACES)
 
 

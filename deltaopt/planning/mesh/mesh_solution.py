@@ -25,7 +25,7 @@ from deltaopt.planning.mesh.constraint_tightening import (
     samples_at,
     tightened_where_exceeded,
 )
-from deltaopt.planning.mesh.edges import price_of_places, touching
+from deltaopt.planning.mesh.edges import prices, touching
 from deltaopt.planning.mesh.error_estimate import (
     FRACTIONS,
     SAFETY_FACTOR,
@@ -224,7 +224,7 @@ class MeshSolution:
         sharp = apart / np.maximum(limits.edge_radii, apart)
         bulges = bulge(self.program.points, size, size.max(axis=1))
         left = np.maximum(1 - size.max(axis=1), 0.0) + bulges * sharp
-        lost = price_of_places(constraints, self.solution) * left
+        lost = prices(self.solution)[:, constraints.convex] * left
         at_bodies = lost.sum(axis=1)
         priced = self._with_unused(at_bodies)
         return replace(
@@ -253,7 +253,8 @@ class MeshSolution:
 
     def presses_beside_bodies(self, tolerance: float) -> bool:
         """Whether faces that stand for bodies hold the motion where these are not, so that more
-        than a share of the gap, or of its ``tolerance`` if that is larger, is lost."""
+        than a share of the gap, or of its ``tolerance`` if that is larger, is lost. What stretches
+        of a path cost so the gap tells."""
         if self.beside is None or self.faces is None:
             return False
         most = _BESIDE_BODIES * max(tolerance, self.own_gap)
@@ -265,7 +266,7 @@ class MeshSolution:
         convex = self.scaling.constraints.convex
         if not convex.any():
             return np.zeros(0)
-        pays = touching(self.scaling.constraints, self.solution)
+        pays = touching(self.solution)[:, convex]
         size = self.sizes[:, :, convex]
         begin = np.cumsum(self.mesh) - self.mesh
         times = (begin[:, None] + self.mesh[:, None] * FRACTIONS).ravel()
@@ -334,7 +335,7 @@ class MeshSolution:
 
     @property
     def faces(self) -> FacePhases | None:
-        """The phases past faces of bodies that the motion was found in; None if there are none."""
+        """The phases past edges that the motion was found in; None if there are none."""
         faces = self.scaling.faces
         return None if faces is None else faces.moved(self.program.mesh, self.mesh)
 

@@ -54,20 +54,20 @@ def first_mesh(problem: Problem, motion: Trajectory, intervals: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class FacePhases:
-    """The phases of a motion, in each of which it keeps clear of one face of every body with sharp
-    edges that it touches, so that phases meet on edges, and where those of the problem do.
+    """The phases of a motion past edges: in each it keeps clear of one face of every body whose
+    sharp edges it touches, and in the tube about one stretch of a path, so that phases meet on
+    edges, and where those of the problem do.
 
     ``instants``: when they meet, fractions of the duration, (n,). ``gates``: what is given there.
-    ``numbers``: of all limits in each phase, (n + 1, numbers), those of these bodies replaced by
-    those of their faces. ``rows``: which of the rows of ``Constraints.convex`` are these bodies',
-    (rows,). ``together``: how many intervals of a mesh after each other are of equal length.
+    ``numbers``: of all limits in each phase, (n + 1, numbers), where faces stand for bodies and
+    stretches for a path. ``rows``: which of the rows of ``Constraints.convex`` are these bodies',
+    (rows,).
     """
 
     instants: Array
     gates: tuple[Boundary, ...]
     numbers: Array
     rows: Truths
-    together: int
 
     def moved(self, before: Array, after: Array) -> FacePhases:
         """These phases after a solution has changed the lengths of a mesh, (N,) each."""
@@ -79,9 +79,10 @@ class FacePhases:
         alike = len(self.gates) == len(other.gates) and np.array_equal(self.rows, other.rows)
         return alike and bool(np.array_equal(self.numbers, other.numbers))
 
-    def on(self, mesh: Array) -> Array:
-        """A mesh, (N,), with knots where phases meet: knots that are near give way."""
-        knots = np.append(0.0, np.cumsum(joined(mesh, self.together)))
+    def on(self, mesh: Array, together: int) -> Array:
+        """A mesh, (N,), with knots where phases meet: knots that are near give way. ``together``:
+        how many intervals after each other are of equal length, as of ``Problem.together``."""
+        knots = np.append(0.0, np.cumsum(joined(mesh, together)))
         inside = knots[1:-1]
         for instant in self.instants.tolist():
             after = int(np.searchsorted(inside, instant))
@@ -90,4 +91,4 @@ class FacePhases:
             stays = (np.abs(inside - instant) > near) | np.isin(inside, self.instants)
             inside = np.unique(np.append(inside[stays], instant))
         found = np.diff(np.concatenate([knots[:1], inside, knots[-1:]]))
-        return np.repeat(found / self.together, self.together)
+        return np.repeat(found / together, together)

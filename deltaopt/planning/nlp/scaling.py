@@ -98,7 +98,7 @@ class Scaling:
     each limit that a motion may use, one for all or by interval and row, (N, rows). ``kept``:
     indices of the scene's items of limits that are considered; None for all.
     ``torque_share``: the part of torque limits that it may use at most, everywhere. ``faces``:
-    phases past the faces of bodies with sharp edges; None where there are none. ``softening``: of
+    phases past edges; None where there are none. ``softening``: of
     friction; None where it is as it is.
     """
 
@@ -193,7 +193,7 @@ class Scaling:
     @property
     def parameters_in_phases(self) -> list[Array]:
         """Values of ``Parameters.vector`` in each phase of the motion: numbers of limits differ in
-        an approach, and where faces stand for bodies."""
+        an approach, and past edges."""
         faces, number = self.faces, len(self.gates) + 1
         numbers = self.limits.in_phases(number) if faces is None else faces.numbers
         found, units = np.tile(self.parameters, (number, 1)), len(self._units)

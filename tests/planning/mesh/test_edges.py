@@ -146,7 +146,7 @@ def test_a_motion_that_touches_no_edge_has_no_phases():
     """Neither one that is clear of the body, nor one that touches rounded edges."""
     rounded = WALL.model_copy(update={"clearance": 0.002})
     for scene in (WALL, rounded):
-        found = plan(scene)
-        N = len(found.trajectory.knots) - 1
-        touching = np.zeros((N, 1), bool) if scene is WALL else np.ones((N, 1), bool)
-        assert phases_over_edges(problem_of(scene), found.trajectory, touching) is None
+        found, problem = plan(scene), problem_of(scene)
+        of_all = len(found.trajectory.knots) - 1, problem.limits.constraints.number
+        touching = np.zeros(of_all, bool) if scene is WALL else np.ones(of_all, bool)
+        assert phases_over_edges(problem, found.trajectory, touching) is None
