@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import itemgetter
 from pathlib import Path
 
 import casadi as ca
@@ -93,15 +94,17 @@ def test_the_wall_is_crossed_on_its_edge(over_the_wall):
         (0.6, [], None, 1e-5),
         (0.0, [(0.835, 0.14, 0.0)], None, 1e-4),
         (0.0, [], Limits(jerk=1e4), 1e-5),
+        (0.0, [(0.8, 0.0, 0.0)], Limits(jerk=1e4), 1e-4),
     ],
 )
 def test_a_via_point_on_the_edge_without_the_wall_takes_as_long(speed, via, limits, tolerance):
-    """From rest, from motion, with another via point beside the wall, and with limited jerk. The
-    wall's motion passes the middle of the edge, by symmetry, and touches nothing else."""
+    """From rest, from motion, with another via point beside or above the wall, and with limited
+    jerk. The wall's motion passes the middle of the edge, by symmetry, and touches nothing else."""
     start = State(at=WALL.start, velocity=(0.0, speed, 0.0)) if speed else WALL.start
     wall = WALL.model_copy(update={"start": start, "via": via or None, "limits": limits})
     ours = plan(wall, tolerance=tolerance)
-    through = wall.model_copy(update={"keep_out": None, "via": [(*EDGE, 0.0), *via]})
+    in_order = sorted([(*EDGE, 0.0), *via], key=itemgetter(1))
+    through = wall.model_copy(update={"keep_out": None, "via": in_order})
     theirs = plan(through, tolerance=tolerance)
     assert ours.within_tolerance
     assert theirs.within_tolerance
