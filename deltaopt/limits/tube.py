@@ -1,8 +1,9 @@
 """d(x) ≤ r: the distance of the tool's point from the path of the scene, the axis of a tube.
 
 The path is numbers: polynomials of degree four at most, of which legs are straight and roundings
-bend. Roundings are cut into parts. The nearest place is on the part whose chord is nearest, among
-those between whose normal planes, at both ends, the point lies; there Newton's method finds it.
+bend. Roundings are cut into parts. The nearest place is on the part of which the place at the foot
+on its chord is nearest, among those between whose normal planes, at both ends, the point lies;
+there Newton's method finds it.
 Nearer to the path than its radius of curvature the distance is then exact to rounding; elsewhere
 it is that from some place of the path, and so never too small.
 
@@ -145,24 +146,23 @@ def _of_part(part: Array, is_first: bool, is_last: bool) -> Numbers:
 def _squared_distance(x: SX, numbers: SX) -> SX:
     """Of a point from the path, m²."""
     parts = ca.vertsplit(numbers[1:], _OF_PART)
-    least, nearest = _from_chord(x, parts[0]), parts[0]
+    least, nearest = _roughly(x, parts[0]), parts[0]
     for part in parts[1:]:
-        square = _from_chord(x, part)
+        square = _roughly(x, part)
         is_nearer = square < least
         least = ca.if_else(is_nearer, square, least)
         nearest = ca.if_else(is_nearer, part, nearest)
     return ca.sumsqr(x - _at(nearest, _nearest_share(x, nearest)))
 
 
-def _from_chord(x: SX, part: SX) -> SX:
-    """The squared distance from the chord of a part, for comparison, and much more where the point
-    does not lie beside the part."""
+def _roughly(x: SX, part: SX) -> SX:
+    """The squared distance from about the nearest place of a part, m², for comparison, and much
+    more where the point does not lie beside the part."""
     begin, end = part[:3], _at(part, SX(1))
     before = (ca.dot(x - begin, part[3:6]) < 0) * (part[15] < 0)
     behind = (ca.dot(x - end, _rate(part, SX(1))) > 0) * (part[16] > 1)
     share = _clipped(ca.dot(x - begin, end - begin) / ca.sumsqr(end - begin), SX(0), SX(1))
-    square = ca.sumsqr(x - begin - share * (end - begin))
-    return square + _BEYOND * (before + behind)
+    return ca.sumsqr(x - _at(part, share)) + _BEYOND * (before + behind)
 
 
 def _nearest_share(x: SX, part: SX) -> SX:

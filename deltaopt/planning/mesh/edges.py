@@ -105,12 +105,9 @@ def first_phases(program: Program, scaling: Scaling, guess: Guess) -> tuple[Scal
 
 
 def _takes_phases(program: Program, scaling: Scaling) -> bool:
-    """Whether a program can be solved in phases past edges: the scene has some, and time alone
-    counts. Coarse meshes in phases cost less effort than is possible, which the gaps of finer ones
-    would tell."""
-    is_fastest = not scaling.problem.objective.running
+    """Whether a program can be solved in phases past edges, and there may be some."""
     has_edges = scaling.constraints.has_convex or scaling.problem.limits.divided is not None
-    return program.takes_phases and has_edges and is_fastest
+    return program.takes_phases and has_edges
 
 
 def phases_over_edges(
