@@ -52,6 +52,8 @@ rests, which meshes of so many intervals do not resolve."""
 _BENDS = 100.0
 """Typical mean square of a jerk of the way over the cube of the duration, and of a torque rate of
 the largest torque over the duration."""
+_KNOTS = 64
+"""Pieces of the fastest motion in a longer duration."""
 _ROUGHLY = 1e-4
 """Relative tolerance to which first guesses are solved that are compared."""
 
@@ -95,28 +97,32 @@ def require_possible(given: float, shortest: float, gap: float) -> None:
         )
 
 
-def led_to_its_ends(problem: Problem, slowed: Trajectory) -> Trajectory:
-    """A motion that was slowed, changed such that it begins and ends as the problem asks.
+def in_longer_time(problem: Problem, fastest: Trajectory, duration: float) -> Trajectory:
+    """The fastest motion of a problem whose ends move in a longer ``duration``, s, on its own path,
+    past all bodies: slower, but not at its ends, and led to where a goal on a belt is then.
 
-    Slowing changes the velocities of ends that move, and a goal on a belt has moved on meanwhile.
-    Cubics over the first and the last phase, which are zero at its other end, add what is missing;
-    without that all of it would have to happen in the last interval of a mesh.
+    Slowed as a whole it would begin and end too slowly, and what had to be added for that led out
+    of reach. So its speed falls towards half of the duration, by a power of the time from there.
     """
-    knots = slowed.knots
-    x, v = slowed.position.with_rate_at(knots)
-    goal, nothing = goal_of(problem, slowed), np.zeros(3)
-    between = passes(problem, slowed)
-    first, last = (between[[0, -1]] if len(between) else knots[[-1, 0]]).tolist()
-    at_start = np.array([problem.start.velocity - v[0], nothing])
-    at_goal = np.array([nothing, goal.velocity - v[-1]])
-    shift = np.array([nothing, goal.position - x[-1]])
-    leaves = PiecewisePolynomial.hermite(np.array([knots[0], first]), 0 * shift, at_start)
-    arrives = PiecewisePolynomial.hermite(np.array([last, knots[-1]]), shift, at_goal)
-    for added, own in ((leaves, knots <= first), (arrives, knots >= last)):
-        more = added.with_rate_at(knots[own])
-        x[own] += more[0]
-        v[own] += more[1]
-    return Trajectory(PiecewisePolynomial.hermite(knots, x, v), slowed.model)
+    longer, u = duration / fastest.duration, np.linspace(0.0, 1.0, _KNOTS + 1)
+    power = max(3.0, 2 * longer - 1)  # how sharply it slows down
+    least = (power / longer - 1) / (power - 1)  # share of its speed that is left half-way
+    apart = np.abs(2 * u - 1)
+    speed = least + (1 - least) * apart ** (power - 1)
+    place = least * u + (1 - least) * (1 + np.sign(2 * u - 1) * apart**power) / (2 * power)
+    x, v = fastest.position.with_rate_at(fastest.knots[0] + duration * place)
+    v *= speed[:, None]
+    knots = duration * u
+    slower = Trajectory(PiecewisePolynomial.hermite(knots, x, v), fastest.model)
+    goal, between = goal_of(problem, slower), passes(problem, slower)
+    begin = between[-1] if len(between) else 0.0
+    shift = np.array([np.zeros(3), goal.position - x[-1]])
+    last = PiecewisePolynomial.hermite(np.array([begin, duration]), shift, np.zeros((2, 3)))
+    own = knots >= begin
+    more = last.with_rate_at(knots[own])
+    x[own] += more[0]
+    v[own] += more[1]
+    return Trajectory(PiecewisePolynomial.hermite(knots, x, v), fastest.model)
 
 
 def least_for_ramps(longer: float) -> int:

@@ -26,8 +26,8 @@ from deltaopt.planning.effort_planning import (
     cost_to_minimise,
     far_and_near,
     fastest,
+    in_longer_time,
     least_for_ramps,
-    led_to_its_ends,
     require_possible,
 )
 from deltaopt.planning.first_motions.around_bodies import leads_past
@@ -239,10 +239,11 @@ class TrajectoryOptimiser:
             is_effort = objective.rate is Running.EFFORT
             if given > _LONG_REST * shortest and self._is_compiled and is_effort:
                 return replace(self, solver=Ipopt())._plan_effort(attempt, report)
-        guess = fastest.trajectory.slowed((given or shortest) / shortest)
+        duration = given or shortest
+        guess = fastest.trajectory.slowed(duration / shortest)
         if not attempt.problem.is_at_rest:
-            guess = led_to_its_ends(attempt.problem, guess)
-        scaling = attempt.scaling(guess, given or shortest)
+            guess = in_longer_time(attempt.problem, fastest.trajectory, duration)
+        scaling = attempt.scaling(guess, duration)
         program = self.program(scaling, cost_to_minimise(scene.objective, scaling))
         intervals = attempt.intervals
         if objective.order == 3 and given is not None:

@@ -30,6 +30,7 @@ from deltaopt.scene.objective import (
     TimeAndJerk,
     TimeAndTorqueRate,
 )
+from studies.keep_out.other_ways import past_obstacle
 from tests.planning.switching.test_exact_answers import Line, UnitMass, solved_on
 
 EFFORT = Cost(time=0.0, running=1.0, duration_is_given=True)
@@ -182,6 +183,18 @@ def test_none_is_beaten_by_one_of_another_duration():
         same = other.trajectory.slowed(found.duration / other.duration)
         if verify(found.scene, same).ok:
             assert found.cost <= effort(problem_of(found.scene), same) * (1 + 1e-3)
+
+
+@pytest.mark.parametrize("keep_out", [True, False])
+def test_where_ends_move_in_much_longer_than_the_fastest(keep_out):
+    """From one velocity to another, past bodies and without them, in 2.5 times as long."""
+    scene = past_obstacle(CROSS.robot, 1, 42)
+    scene = scene if keep_out else scene.model_copy(update={"keep_out": None})
+    longer = scene.model_copy(update={"objective": Effort(duration=2.5 * plan(scene).duration)})
+    found = planned(longer)
+    assert found.duration == pytest.approx(longer.objective.duration)
+    verified = verify(longer, found.trajectory)
+    assert verified.ok, verified.failures()
 
 
 def test_nothing_needs_less_effort():
