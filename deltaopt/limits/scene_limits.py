@@ -78,10 +78,7 @@ class SceneLimits:
     @cached_property
     def phased(self) -> Placed[PhasedLimit] | None:
         """The limit whose numbers differ from phase to phase of the motion, if there is one."""
-        for limit, numbers, rows in self._places:
-            if isinstance(limit, PhasedLimit):
-                return Placed(limit, numbers, rows)
-        return None
+        return self._first(PhasedLimit)
 
     def in_phases(self, number: int) -> Array:
         """All numbers in each phase of a motion of so many, (phases, numbers)."""
@@ -143,9 +140,15 @@ class SceneLimits:
     @cached_property
     def divided(self) -> Placed[DividedLimit] | None:
         """The limit that permits several regions, if there is one."""
-        for limit, own, rows in self._places:
-            if isinstance(limit, DividedLimit) and limit.regions(self.numbers[own]) > 1:
-                return Placed(limit, own, rows)
+        found = self._first(DividedLimit)
+        has_several = found and found.limit.regions(self.numbers[found.numbers]) > 1
+        return found if has_several else None
+
+    def _first(self, kind: type[_L]) -> Placed[_L] | None:
+        """The first limit of a kind, if there is one."""
+        for limit, numbers, rows in self._places:
+            if isinstance(limit, kind):
+                return Placed(limit, numbers, rows)
         return None
 
     @cached_property

@@ -1,11 +1,11 @@
 """d(x) ≤ r: the distance of the tool's point from the path of the scene, the axis of a tube.
 
 The path is numbers: polynomials of degree four at most, of which legs are straight and roundings
-bend. Roundings are cut into parts. The nearest place is on the part of which the place at the foot
-on its chord is nearest, among those between whose normal planes, at both ends, the point lies;
-there Newton's method finds it.
-Nearer to the path than its radius of curvature the distance is then exact to rounding; elsewhere
-it is that from some place of the path, and so never too small.
+bend. Roundings are cut into parts, between whose normal planes, at both ends, a point may lie. Of
+these parts the one is taken whose place is nearest at the share to which the point projects on its
+chord; from there Newton's method finds the nearest place. Nearer to the path than its radius of
+curvature the distance is then exact to rounding; elsewhere it is that from some place of the path,
+and so never too small.
 
 The best motion slides along the wall of a tube, where it would touch other limits of position at an
 instant.
@@ -92,6 +92,7 @@ class Tube(DividedLimit):
         return np.append(numbers[0], own)
 
     def nearest(self, numbers: Array, x: Array) -> Index:
+        # By chords, for where a motion passes from one region to the next is free.
         pieces = _pieces(numbers)
         begin, chord = pieces[:, 0], pieces[:, 1:].sum(axis=1)
         since = x[:, None] - begin

@@ -53,7 +53,7 @@ _BENDS = 100.0
 """Typical mean square of a jerk of the way over the cube of the duration, and of a torque rate of
 the largest torque over the duration."""
 _KNOTS = 64
-"""Pieces of the fastest motion in a longer duration."""
+"""Pieces of a motion that is stretched."""
 _ROUGHLY = 1e-4
 """Relative tolerance to which first guesses are solved that are compared."""
 
@@ -98,15 +98,16 @@ def require_possible(given: float, shortest: float, gap: float) -> None:
 
 
 def in_longer_time(problem: Problem, fastest: Trajectory, duration: float) -> Trajectory:
-    """The fastest motion of a problem whose ends move in a longer ``duration``, s, on its own path,
-    past all bodies: slower, but not at its ends, and led to where a goal on a belt is then.
+    """The fastest motion of a problem whose ends move, stretched to a longer ``duration``, s. It
+    keeps to its path, and so past bodies, but for a goal on a belt, which is elsewhere then.
 
-    Slowed as a whole it would begin and end too slowly, and what had to be added for that led out
-    of reach. So its speed falls towards half of the duration, by a power of the time from there.
+    Stretched evenly it would begin and end too slowly; the velocities that were added for that led
+    out of reach. So it is as fast as it was at both ends, and slowest half-way.
     """
     longer, u = duration / fastest.duration, np.linspace(0.0, 1.0, _KNOTS + 1)
-    power = max(3.0, 2 * longer - 1)  # how sharply it slows down
-    least = (power / longer - 1) / (power - 1)  # share of its speed that is left half-way
+    # Speed falls from either end to half-way by a power of the time, to a share that is left there.
+    power = max(3.0, 2 * longer - 1)
+    least = (power / longer - 1) / (power - 1)
     apart = np.abs(2 * u - 1)
     speed = least + (1 - least) * apart ** (power - 1)
     place = least * u + (1 - least) * (1 + np.sign(2 * u - 1) * apart**power) / (2 * power)

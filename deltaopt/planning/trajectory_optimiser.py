@@ -240,8 +240,9 @@ class TrajectoryOptimiser:
             if given > _LONG_REST * shortest and self._is_compiled and is_effort:
                 return replace(self, solver=Ipopt())._plan_effort(attempt, report)
         duration = given or shortest
-        guess = fastest.trajectory.slowed(duration / shortest)
-        if not attempt.problem.is_at_rest:
+        if attempt.problem.is_at_rest:
+            guess = fastest.trajectory.slowed(duration / shortest)
+        else:
             guess = in_longer_time(attempt.problem, fastest.trajectory, duration)
         scaling = attempt.scaling(guess, duration)
         program = self.program(scaling, cost_to_minimise(scene.objective, scaling))

@@ -147,7 +147,7 @@ def test_a_wider_tube_is_no_slower(tube: float):
 
 
 def test_all_first_motions_lead_to_one():
-    """Past an edge of the wall; there were seven local minima up to 2.3 % apart."""
+    """Past an edge of the wall; there were three local minima, 1 % apart."""
     found = deltaopt.plan(about(BENT, 9.7e-3), starts=6)
     assert [each.starts for each in found.optima] == [6]
 

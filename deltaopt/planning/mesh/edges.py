@@ -189,13 +189,13 @@ def _parts(
     begins = [0, *(np.flatnonzero(np.diff(faces)) + 1).tolist()]
     on_edge = [
         k > 0
-        and bool(touches[max(k - _NEAR_END, 0) : k + _NEAR_END].any())
+        and bool(touches[_around(k)].any())
         and bool(over[k, faces[k - 1 : k + 1]].min() < max(_INSIDE, _ROOM * sharp))
         for k in begins
     ]
     inside = touches.copy()
     for k in np.array(begins)[on_edge].tolist():
-        inside[max(k - _NEAR_END, 0) : k + _NEAR_END] = False
+        inside[_around(k)] = False
     if not any(on_edge) or (np.sort(over[inside], axis=1)[:, -2] > -_INSIDE).any():
         return []
     order = faces[begins].tolist()
@@ -216,6 +216,11 @@ def _parts(
     return found
 
 
+def _around(sample: int) -> slice:
+    """The samples whose contacts count as those of an edge that is passed at one of them."""
+    return slice(max(sample - _NEAR_END, 0), sample + _NEAR_END)
+
+
 def _parts_by_regions(
     limits: SceneLimits, divided: Placed[DividedLimit], x: Array, touches: Truths
 ) -> list[_Part]:
@@ -225,7 +230,7 @@ def _parts_by_regions(
     limit, numbers = divided.limit, limits.numbers[divided.numbers]
     which = np.maximum.accumulate(limit.nearest(numbers, x))  # in order, though it may skip some
     changes = (np.flatnonzero(np.diff(which)) + 1).tolist()
-    on_edge = [k for k in changes if touches[max(k - _NEAR_END, 0) : k + _NEAR_END].any()]
+    on_edge = [k for k in changes if touches[_around(k)].any()]
     found = list[_Part]()
     for begin, end in pairwise([0, *on_edge, len(x)]):
         own = limit.of_regions(numbers, which[begin], which[end - 1] + 1)

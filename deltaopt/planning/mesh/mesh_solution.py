@@ -253,8 +253,8 @@ class MeshSolution:
 
     def presses_beside_bodies(self, tolerance: float) -> bool:
         """Whether faces that stand for bodies hold the motion where these are not, so that more
-        than a share of the gap, or of its ``tolerance`` if that is larger, is lost. What stretches
-        of a path cost so the gap tells."""
+        than a share of the gap, or of its ``tolerance`` if that is larger, is lost. Of
+        stretches of a path the gap alone tells that."""
         if self.beside is None or self.faces is None:
             return False
         most = _BESIDE_BODIES * max(tolerance, self.own_gap)

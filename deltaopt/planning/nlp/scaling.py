@@ -98,8 +98,8 @@ class Scaling:
     each limit that a motion may use, one for all or by interval and row, (N, rows). ``kept``:
     indices of the scene's items of limits that are considered; None for all.
     ``torque_share``: the part of torque limits that it may use at most, everywhere. ``faces``:
-    phases past edges; None where there are none. ``softening``: of
-    friction; None where it is as it is.
+    phases past edges; None where there are none. ``softening``: of friction; None where it is as it
+    is.
     """
 
     problem: Problem

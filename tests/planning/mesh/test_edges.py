@@ -26,8 +26,9 @@ from tests.oracles.point_motion import End, Instant, Leg, Row, System, fastest
 PROBLEMS = Path(__file__).parents[3] / "problems"
 WALL = load_scene(PROBLEMS / "keep_out" / "wall_25_305_25.yaml")
 EDGE = (0.825, 0.13)
-BEFORE = (0.825, -0.13, 0.0)
-"""Of the wall, where the motion touches it: depth and y; and the middle of the edge before."""
+"""Of the wall, where the motion touches it: depth and y."""
+LAST, FIRST = (*EDGE, 0.0), (0.825, -0.13, 0.0)
+"""The middles of the wall's edges."""
 CORNERS = [[0.9, 0.0, 0.0], [1.1, 0.1, 0.0], [1.1, -0.1, 0.05], [1.1, 0.0, 0.1], [0.95, 0.1, 0.1]]
 PLACE = np.array([0.95, 0.1, 0.0])
 BODIES = {
@@ -90,25 +91,24 @@ def test_the_wall_is_crossed_on_its_edge(over_the_wall):
 
 
 @pytest.mark.parametrize(
-    ("speed", "via", "keys", "tolerance"),
+    ("speed", "via", "edges", "keys", "tolerance"),
     [
-        (0.0, [], {}, 1e-5),
-        (0.6, [], {}, 1e-5),
-        (0.0, [(0.835, 0.14, 0.0)], {}, 1e-4),
-        (0.0, [], {"limits": Limits(jerk=1e4)}, 1e-5),
-        (0.0, [(0.8, 0.0, 0.0)], {"limits": Limits(jerk=1e4)}, 1e-4),
-        (0.0, [BEFORE], {"objective": Effort(duration=0.2)}, 1e-4),
+        (0.0, [], [LAST], {}, 1e-5),
+        (0.6, [], [LAST], {}, 1e-5),
+        (0.0, [(0.835, 0.14, 0.0)], [LAST], {}, 1e-4),
+        (0.0, [], [LAST], {"limits": Limits(jerk=1e4)}, 1e-5),
+        (0.0, [(0.8, 0.0, 0.0)], [LAST], {"limits": Limits(jerk=1e4)}, 1e-4),
+        (0.0, [], [FIRST, LAST], {"objective": Effort(duration=0.2)}, 1e-4),
     ],
 )
-def test_a_via_point_on_the_edge_without_the_wall_costs_as_much(speed, via, keys, tolerance):
+def test_a_via_point_on_the_edge_without_the_wall_costs_as_much(speed, via, edges, keys, tolerance):
     """From rest, from motion, with another via point beside or above the wall, with limited jerk,
-    and of effort, which leads over both edges. The wall's motion passes the middle of the edge, by
+    and of effort, which leads over both edges. The wall's motion passes the middle of each edge, by
     symmetry, and touches nothing else."""
     start = State(at=WALL.start, velocity=(0.0, speed, 0.0)) if speed else WALL.start
-    beside = [each for each in via if each is not BEFORE] or None
-    wall = WALL.model_copy(update={"start": start, "via": beside, **keys})
+    wall = WALL.model_copy(update={"start": start, "via": via or None, **keys})
     ours = plan(wall, tolerance=tolerance)
-    in_order = sorted([(*EDGE, 0.0), *via], key=itemgetter(1))
+    in_order = sorted([*edges, *via], key=itemgetter(1))
     through = wall.model_copy(update={"keep_out": None, "via": in_order})
     theirs = plan(through, tolerance=tolerance)
     assert ours.within_tolerance
