@@ -90,9 +90,9 @@ def peaks(curves: Curves, fractions: Array, values: Array) -> Peaks:
     return highest
 
 
-def ridges(curves: Curves, fractions: Array, values: Array) -> Array:
-    """The largest values of curves that rise to a kink and fall behind it, (c,): no parabola
-    through samples leads to the top of a ridge.
+def ridges(curves: Curves, fractions: Array, values: Array) -> Peaks:
+    """The largest values of c curves that rise to a kink and fall behind it: no parabola through
+    samples leads to the top of a ridge.
 
     ``values``: of the curves at ``everywhere`` of these fractions, evenly spaced, (K · n, c). Every
     sample that is as high as those beside it is looked about whose ridge, if it rises as steeply
@@ -102,8 +102,9 @@ def ridges(curves: Curves, fractions: Array, values: Array) -> Array:
     beside = np.pad(grid, ((0, 0), (1, 1), (0, 0)), constant_values=-np.inf)
     top = (grid >= beside[:, :-2]) & (grid >= beside[:, 2:])
     falls = np.abs(np.diff(grid, axis=1)).max(axis=(0, 1))
-    highest = values.max(axis=0)
-    interval, sample, function = np.nonzero(top & (grid + falls >= highest))
+    highest = Peaks.none(values.shape[1])
+    highest.see(*everywhere(len(grid), fractions), values)
+    interval, sample, function = np.nonzero(top & (grid + falls >= highest.values))
     where, step = fractions[sample], float(fractions[1] - fractions[0])
     parts = np.linspace(-1.0, 1.0, _RIDGE_STEPS + 1)
     for _ in range(_RIDGE_ROUNDS):
@@ -112,14 +113,17 @@ def ridges(curves: Curves, fractions: Array, values: Array) -> Array:
         found = curves(interval[own], places.ravel())[np.arange(len(own)), function[own]]
         near = found.reshape(places.shape)
         best = near.argmax(axis=1)
-        height = near.max(axis=1)
-        np.maximum.at(highest, function, height)
+        height, where = near.max(axis=1), places[np.arange(len(where)), best]
+        for k in np.argsort(height).tolist():
+            if height[k] > highest.values[function[k]]:
+                highest.values[function[k]] = height[k]
+                highest.intervals[function[k]] = interval[k]
+                highest.fractions[function[k]] = where[k]
         falls_here = np.abs(np.diff(near, axis=1)).max(axis=1)
-        kept = height + falls_here >= highest[function]
-        where = places[np.arange(len(where)), best][kept]
-        interval, function = interval[kept], function[kept]
+        kept = height + falls_here >= highest.values[function]
+        interval, function, where = interval[kept], function[kept], where[kept]
         step *= 2 / _RIDGE_STEPS
-    return np.asarray(highest)
+    return highest
 
 
 @dataclass(frozen=True)

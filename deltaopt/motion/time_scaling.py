@@ -81,9 +81,8 @@ def needed_slowing(
     along = loads_along(problem, trajectory)
     known = sampled or along(*everywhere(intervals, fractions))
     constraints = problem.limits.constraints
-    places = max(
-        surely_misplaced(problem, trajectory), _over_ridges(constraints, along, fractions, known)
-    )
+    over_ridges = _ridges(constraints, along, fractions, known).values.max(initial=0.0) - 1
+    places = max(surely_misplaced(problem, trajectory), float(over_ridges))
     if not _mixed(problem).any():
         highest = _highest(along, lambda loads: loads.demands, fractions, known).values
         return known.needed(highest, at_least).beside(places)
@@ -116,22 +115,24 @@ def fractions_of(trajectory: Trajectory) -> Array:
     return sample_fractions(len(trajectory.knots) - 1, degree)
 
 
-def _over_ridges(
+def _ridges(
     constraints: Constraints,
     along: Callable[[Index, Array], Loads],
     fractions: Array,
     sampled: Loads,
-) -> float:
-    """By how much a motion exceeds limits of its position at kinks of their size, as
-    ``NeededSlowing.misplaced``; -1 where they have none."""
-    ridged = constraints.ridged
+) -> Peaks:
+    """The highest sizes of rows at kinks, of those that have any and are known."""
+    found, ridged = Peaks.none(constraints.number), constraints.ridged
     if not ridged.any() or not np.isfinite(sampled.rows).all():
-        return -1.0
+        return found
 
     def size(loads: Loads) -> Array:
         return np.asarray(constraints.size(loads.rows)[:, ridged])
 
-    return float(ridges(lambda *at: size(along(*at)), fractions, size(sampled)).max()) - 1
+    tops = ridges(lambda *at: size(along(*at)), fractions, size(sampled))
+    found.values[ridged], found.intervals[ridged] = tops.values, tops.intervals
+    found.fractions[ridged] = tops.fractions
+    return found
 
 
 def surely_misplaced(problem: Problem, trajectory: Trajectory) -> float:
@@ -247,7 +248,10 @@ def highest_rows(problem: Problem, trajectory: Trajectory) -> Peaks:
     along, fractions = loads_along(problem, trajectory), fractions_of(trajectory)
     size = problem.limits.constraints.size
     sampled = along(*everywhere(len(trajectory.knots) - 1, fractions))
-    return _highest(along, lambda loads: size(loads.rows), fractions, sampled, _tails(problem))
+    found = _highest(along, lambda loads: size(loads.rows), fractions, sampled, _tails(problem))
+    at_kinks = _ridges(problem.limits.constraints, along, fractions, sampled)
+    found.see_each(at_kinks.intervals, at_kinks.fractions, at_kinks.values)
+    return found
 
 
 def _highest(

@@ -17,6 +17,7 @@ from deltaopt.errors import SceneError, Unreachable
 from deltaopt.limits.tube import Tube
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.plan import Plan
+from deltaopt.scene.objective import Effort, TimeAndEffort
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.path_distance import farthest_from
@@ -156,6 +157,15 @@ def test_with_limited_jerk_too():
     """Without phases that meet on the edges this took 0.1542 s."""
     limits = deltaopt.Limits(jerk=2e4)
     assert planned(about(BENT, 1.2e-2).model_copy(update={"limits": limits})).duration < 0.154
+
+
+@pytest.mark.parametrize("tube", [0.0137, 0.019, 0.02])
+def test_least_effort_stays_in_the_tube(tube: float):
+    """Also at a kink of the distance between all samples, by which these plans left the tube."""
+    for objective in (Effort(duration=0.3), TimeAndEffort(time=1.0, effort=3e-5)):
+        scene = about(BENT, tube).model_copy(update={"objective": objective})
+        report = deltaopt.verify(scene, deltaopt.plan(scene).trajectory)
+        assert report.ok, report.failures()
 
 
 def test_roundings_are_divided_where_they_are_sharp():

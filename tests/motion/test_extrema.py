@@ -84,7 +84,9 @@ def test_ridges_between_samples():
 
     fractions = sample_fractions(3)
     sampled = curves(*everywhere(3, fractions))
-    np.testing.assert_allclose(ridges(curves, fractions, sampled), heights, rtol=1e-9)
+    found = ridges(curves, fractions, sampled)
+    np.testing.assert_allclose(found.values, heights, rtol=1e-9)
+    np.testing.assert_allclose(found.intervals + found.fractions, tops, atol=1e-8)
     assert (peaks(curves, fractions, sampled).values < heights * (1 - 1e-7)).any()
 
 
