@@ -96,8 +96,8 @@ def test_the_wall_is_crossed_on_its_edge(over_the_wall):
         (0.0, [], [LAST], {}, 1e-5),
         (0.6, [], [LAST], {}, 1e-5),
         (0.0, [(0.835, 0.14, 0.0)], [LAST], {}, 1e-4),
-        (0.0, [], [LAST], {"limits": Limits(jerk=1e4)}, 1e-5),
-        (0.0, [(0.8, 0.0, 0.0)], [LAST], {"limits": Limits(jerk=1e4)}, 1e-4),
+        (0.0, [], [LAST], {"limits": Limits(jerk=1e4)}, 1e-4),
+        (0.0, [(0.8, 0.0, 0.0)], [LAST], {"limits": Limits(jerk=1e4)}, 1e-3),
         (0.0, [], [FIRST, LAST], {"objective": Effort(duration=0.2)}, 1e-4),
     ],
 )
