@@ -2,7 +2,8 @@
 
 A move is possible if a path leads from start to goal, through its via points, in which gravity
 leaves every motor something to spare, joints stay in their ranges and the tool in its workspace and
-clear of bodies: as slowly as need be it can be driven. Where the scene gives a path, it is that.
+clear of bodies, as do links where they are to: as slowly as need be it can be driven. Where the
+scene gives a path, it is that.
 An approach is three such paths: out of the cylinder about the start, above both, into the other.
 """
 
@@ -38,6 +39,9 @@ _FLAT = 5e-3
 """Least volume of the bars' directions on the path: nearer to singularities torques are known to
 few digits."""
 _BETWEEN = np.linspace(0.0, 1.0, 7)[1:, None]
+_ANGLES = 2001
+"""Of an arm, on half a turn."""
+_ON_LINK = np.linspace(0.0, 1.0, 41)
 _AT_ONCE = 20_000
 """Points that are looked at in one go: a hundred million numbers of them would fill the memory."""
 _ALONG = 401
@@ -57,15 +61,14 @@ def possibility(scene: Scene) -> Possibility:
     """Look for a path.
 
     Nothing is known where an end moves, and past hulls or with a tool of several shapes. Nor is it
-    where a path is found but links are to keep clear of bodies or the platform from its tilt, or
-    where none is found through the centres of spheres that the motion is to pass.
+    where a path is found but the platform is to keep from its tilt, or where none is found through
+    the centres of spheres that the motion is to pass.
     """
     if scene.moves_at_ends or not _knows_bodies(scene):
         return Possibility(False)
     looked = _looked_for(scene)
-    asks_more = scene.robot_keeps_clear or scene.given("tilt_singularity")
     of_centres = any(point.within for point in scene.task.via)
-    unknown = asks_more if looked.found else of_centres
+    unknown = scene.given("tilt_singularity") if looked.found else of_centres
     return Possibility(False) if unknown else looked
 
 
@@ -80,6 +83,9 @@ def _looked_for(scene: Scene) -> Possibility:
         return _approach(scene, free)
     between = (point.position for point in scene.task.via)
     places = [np.array(point) for point in (start, *between, goal)]
+    angles = free.statics[0].at(np.array(places)).angles
+    if scene.robot_keeps_clear and not free.arms_turn_to(angles).all():
+        return Possibility(False, "an arm that would have to turn through a body")
 
     def connected(steps: int) -> bool:
         grid = _grid(as_delta(scene.robot), steps)
@@ -144,7 +150,9 @@ class _Free:
 
     ``statics``: with each mass that it carries. ``torque``: the largest of each motor, (3,), N·m.
     ``side``: 1 or -1, the sign of the volume of the bars' directions at the start. ``folded``: the
-    least sin² of the angle between arm and bars that motions between these ends keep.
+    least sin² of the angle between arm and bars that motions between these ends keep. ``turned``:
+    the least and the largest angle to which each arm turns from the start until it is in a body
+    that it is to keep clear of, or has made half a turn, (2, 3), rad.
     """
 
     scene: Scene
@@ -152,6 +160,7 @@ class _Free:
     torque: Array
     side: float
     folded: float
+    turned: Array
 
     @classmethod
     def of(cls, scene: Scene) -> _Free:
@@ -161,7 +170,8 @@ class _Free:
         torque = np.minimum(scene.robot.torque_limits, np.inf if limit is None else limit)
         ends = statics[0].at(np.array(scene.given_points))
         folded = margin(float(ends.alignments.min()))
-        return cls(scene, statics, torque, float(np.sign(ends.volumes[0])), folded)
+        turned = _turned(scene, statics[0], ends.angles[0])
+        return cls(scene, statics, torque, float(np.sign(ends.volumes[0])), folded, turned)
 
     def __call__(self, points: Array) -> Truths:
         parts = np.array_split(points, -(-len(points) // _AT_ONCE) or 1)
@@ -176,7 +186,15 @@ class _Free:
         kept = self.scene.least_clearance + ((tool and tool.radius) or 0.0)
         for body in self.scene.keep_out or ():
             free &= _distance(body, points) > kept
+        free &= self.arms_turn_to(found[0].angles)
+        if self.scene.robot_keeps_clear:
+            free[free] = _are_clear(self.scene, 1, self.statics[0].forearms(points[free])).all(1)
         return free
+
+    def arms_turn_to(self, angles: Array) -> Truths:
+        """Whether arms get from the start to angles (N, 3), rad, and through no body on the way."""
+        low, high = self.turned
+        return np.asarray(((angles - low) % (2 * np.pi) < high - low).all(axis=1))
 
     def _in_ranges(self, at: AtRest) -> Truths:
         least = max(_FLAT, self.scene.given("parallel_singularity") or 0.0)
@@ -198,6 +216,30 @@ class _Free:
         if workspace and workspace.radius:
             inside &= np.hypot(points[:, 1], points[:, 2]) < workspace.radius
         return inside
+
+
+def _turned(scene: Scene, statics: Statics, start: Array) -> Array:
+    """``turned`` of `_Free`: where an arm is depends on its angle alone."""
+    if not scene.robot_keeps_clear:
+        return np.array([start - np.pi, start + np.pi])
+    found, steps = np.empty((2, 3)), np.linspace(0.0, np.pi, _ANGLES)
+    for arm, angle in enumerate(start):
+        for side, angles in enumerate((angle - steps, angle + steps)):
+            blocked = ~_are_clear(scene, 0, statics.arms(angles))[:, arm]
+            found[side, arm] = angles[blocked.argmax() if blocked.any() else -1]
+    return found
+
+
+def _are_clear(scene: Scene, first: int, lines: Array) -> Truths:
+    """Whether arms (``first`` is 0) or forearms (1) about lines (N, 3, 2, 3), m, are clear of all
+    bodies, by places on the lines: (N, 3)."""
+    clear, (begins, ends) = np.ones(lines.shape[:2], bool), lines.transpose(2, 0, 1, 3)
+    kept = scene.least_clearance + as_delta(scene.robot).link_radius(first)
+    for share in _ON_LINK:
+        places = (begins + share * (ends - begins)).reshape(-1, 3)
+        for body in scene.keep_out or ():
+            clear &= (_distance(body, places) > kept).reshape(clear.shape)
+    return clear
 
 
 def _knows_bodies(scene: Scene) -> bool:

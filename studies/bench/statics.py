@@ -13,6 +13,8 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.robot.robot import Robot
 
 _TILTED = np.array([0.0, 2 * np.pi / 3, 4 * np.pi / 3])
+_RADIAL = np.stack([np.zeros(3), np.cos(_TILTED), np.sin(_TILTED)], axis=1)
+"""The directions in which the arms reach outwards, (3, 3)."""
 _DOWN = np.array([1.0, 0.0, 0.0])
 _STEP = 1e-6
 """Of the upper arm's length: half the difference that derivatives are taken over."""
@@ -64,6 +66,20 @@ class Statics:
         volumes = np.linalg.det(np.where(closed[:, None, None], bars, 0.0))
         return AtRest(torques, here.angles, here.sideways, here.alignments, volumes)
 
+    def arms(self, angles: Array) -> Array:
+        """Both ends of the middle line of each arm at angles (N,), rad: (N, 3, 2, 3), m."""
+        out, down = np.cos(angles)[:, None, None] * _RADIAL, np.sin(angles)[:, None, None] * _DOWN
+        shafts = np.broadcast_to(self.robot.base_radius * _RADIAL, out.shape)
+        return np.stack([shafts, shafts + self.robot.upper_arm.length * (out - down)], axis=2)
+
+    def forearms(self, points: Array) -> Array:
+        """Both ends of the middle line of each pair of bars where the tool is at points (N, 3), m:
+        (N, 3, 2, 3)."""
+        centres = points - np.array(self.robot.tool_offset)
+        elbows, outwards = _chains(self.robot, centres).elbows, self.robot.platform_radius * _RADIAL
+        ends = [elbows + outwards, centres[:, None] + np.broadcast_to(outwards, elbows.shape)]
+        return np.stack(ends, axis=2)
+
     def _energy(self, centres: Array, chains: _Chains) -> Array:
         """Potential energy of gravity but for a constant, (N,), J."""
         robot, g = self.robot, np.array(self.robot.gravity_vector)
@@ -93,8 +109,7 @@ def _chains(robot: Robot, centres: Array) -> _Chains:
     arm, bar = robot.upper_arm.length, robot.forearm.length
     ahead, across_arm = robot.upper_arm.centre or (arm / 2, 0.0)
     elbows, masses, angles, sides, alignments = [], [], [], [], []
-    for azimuth in _TILTED:
-        radial = np.array([0.0, np.cos(azimuth), np.sin(azimuth)])
+    for azimuth, radial in zip(_TILTED, _RADIAL, strict=True):
         across = np.array([0.0, -np.sin(azimuth), np.cos(azimuth)])
         shaft = (robot.base_radius - robot.platform_radius) * radial
         away = centres - shaft

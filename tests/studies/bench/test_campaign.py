@@ -63,6 +63,32 @@ def test_a_move_is_not_possible_where_a_body_encloses_its_goal(monkeypatch, body
     assert not possibility(scene.model_copy(update={"keep_out": [{body: bodies[body]}]})).found
 
 
+def test_arms_and_forearms_are_joined():
+    """At angles by one derivation and places by another."""
+    scene = move(1, 0).scene
+    points, statics = np.array(scene.given_points), Statics(scene.robot, 0.0)
+    forearms = statics.forearms(points)
+    sizes = np.linalg.norm(forearms[:, :, 1] - forearms[:, :, 0], axis=2)
+    np.testing.assert_allclose(sizes, scene.robot.forearm.length, rtol=1e-12)
+    for arm, angles in enumerate(statics.at(points).angles.T):
+        elbows = statics.arms(angles)[:, arm, 1]
+        np.testing.assert_allclose(elbows, forearms[:, arm, 0], atol=1e-12)
+
+
+def test_a_move_is_not_possible_where_an_arm_would_have_to_turn_through_a_body(monkeypatch):
+    """A sphere at its end, half way between its angles; the tool passes it."""
+    monkeypatch.setattr("studies.bench.possible._STEPS", (12,))
+    scene, statics = move(1, 0).scene, Statics(move(1, 0).scene.robot, 0.0)
+    angles = statics.at(np.array(scene.given_points)).angles
+    arm = int(np.ptp(angles, axis=0).argmax())
+    middle = statics.arms(angles.mean(axis=0))[arm, arm, 1]
+    sphere = {"sphere": {"centre": middle.tolist(), "radius": 0.001}}
+    passed = scene.model_copy(update={"keep_out": [sphere]})
+    assert possibility(passed).found
+    found = possibility(passed.model_copy(update={"robot_keeps_clear": True}))
+    assert (found.found, found.against) == (False, "an arm that would have to turn through a body")
+
+
 def test_belts_that_can_be_met_and_others(monkeypatch):
     """One is never in reach slowly enough, one leaves too soon, and one is met; by the default
     solver instead of Ipopt, which takes ten times as long."""
