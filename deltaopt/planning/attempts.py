@@ -121,6 +121,12 @@ class Attempt:
         return replace(self, scene=self.scene.model_copy(update=limited))
 
 
+def on_few_intervals(scene: Scene, motion: Trajectory, coarsest: int) -> Attempt:
+    """The attempt that begins with a motion that is near the best, on twice as many intervals as
+    the coarsest mesh has: there a solution gets away from where the motion begins."""
+    return Attempt(scene, motion, 2 * coarsest, "a motion nearby", is_near=True)
+
+
 def on_twice_its_mesh(scene: Scene, motion: Trajectory) -> Attempt:
     """The attempt that begins with a motion that is near the best, on the mesh of its knots, each
     interval in two: on its very mesh a motion that touches bodies has no room to begin in."""

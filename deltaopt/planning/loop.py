@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import islice
 from math import inf
 
@@ -25,6 +26,7 @@ from deltaopt.planning.attempts import (
     Attempt,
     Outcomes,
     by_merit,
+    on_few_intervals,
     on_twice_its_mesh,
     until_good,
 )
@@ -216,19 +218,18 @@ class Loop:
             return self.improved(scene, found)
 
     def improved(self, scene: Scene, found: Plan) -> Plan:
-        """A plan that begins with the motion of another, on twice the mesh of that, as often as
-        this makes it better; the other one where that is not possible. A mesh whose knots are where
-        bodies are passed closely does not lead through them."""
-        for _ in range(_IMPROVED):
-            better = self.made(on_twice_its_mesh(scene, found.trajectory))
-            if not isinstance(better, Plan) or not is_clear(scene, better.trajectory):
-                break
-            shorter = better.duration < (1 - _SHORTER) * found.duration
-            longer = better.duration > (1 + _SHORTER) * found.duration
-            if not shorter and (longer or better.gap >= found.gap):
-                break
-            found = better
-            if found.gap <= self.good_gap:
+        """A plan that begins with the motion of another, or the other one where that is not better:
+        on few intervals, and then on twice the mesh of the better, as often as this improves it. A
+        mesh whose knots are where bodies are passed closely does not lead through them."""
+        few = partial(on_few_intervals, scene, coarsest=self.optimiser.intervals)
+        twice = partial(on_twice_its_mesh, scene)
+        for attempt in (few, *[twice] * _IMPROVED):
+            known, made = found, self.remedied(attempt(found.trajectory))
+            if isinstance(made, Plan) and is_clear(scene, made.trajectory):
+                found = quicker(known, made)
+            is_better = found.cost < (1 - _SHORTER) * known.cost or found.gap < known.gap
+            has_settled = attempt is twice and not is_better
+            if found.gap <= self.good_gap or has_settled:
                 break
         return found
 

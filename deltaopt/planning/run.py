@@ -30,6 +30,7 @@ from deltaopt.planning.attempts import (
     Outcomes,
     Search,
     from_motion,
+    on_few_intervals,
 )
 from deltaopt.planning.belt_places import PlacesOnBelt, TooLate
 from deltaopt.planning.first_motions.around_bodies import (
@@ -65,9 +66,8 @@ from deltaopt.scene.task import OnPath, given_points
 _PATHS = 2
 """How many paths of straight lines are planned along where no mesh finds its way: over few places,
 and over more of them. Each takes a second or two."""
-_NEARBY, _NEARLY = 2, 1e-2
-"""How many times finer the first mesh from a motion near the best is, and the gap up to which what
-it leads to is taken."""
+_NEARLY = 1e-2
+"""Gap up to which what a motion near the best leads to is taken."""
 _MISSED = 3e-3
 """Gap of a way past bodies above which the paths of straight lines are looked at too, where it also
 misses the tolerance: through a window of 3 mm one with 7e-3 was longer by 2 %."""
@@ -162,9 +162,7 @@ class Run(Loop):
         and on a given path."""
         if near is None or isinstance(scene.task, OnPath):
             return None
-        intervals = _NEARBY * self.optimiser.intervals
-        attempt = Attempt(scene, near, intervals, "a motion nearby", is_near=True)
-        found = self.made(attempt)
+        found = self.made(on_few_intervals(scene, near, self.optimiser.intervals))
         if not isinstance(found, Plan) or found.gap > _NEARLY:
             return None
         return found if is_clear(scene, found.trajectory) else None
@@ -352,7 +350,7 @@ class Run(Loop):
         ]
         improved = (self.improved(scene, each) for each in found)
         known = next((each for each in improved if isfinite(each.gap)), found[0])
-        best = min(found[0], known, key=attrgetter("cost"))
+        best = quicker(known, found[0])
         way = TakenWay(name_of_way(scene, best.trajectory), best.duration, True)
         return [replace(best, ways=(way,))]
 
