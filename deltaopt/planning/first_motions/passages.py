@@ -74,6 +74,8 @@ _PARALLEL = 1e-6
 """Sine of the angle between planes that are taken not to cross."""
 _BETWEEN = np.linspace(0.0, 1.0, 9)
 """Of a line, where distances and their slopes are taken."""
+_TOUCHED = 1e-6
+"""m from a body, of which a line touches one at most: none leads through where two bodies meet."""
 _KNOWN, _ROUNDING = 0.5, 1e-12
 """Least length of the slope of a distance, which is 1 where it is known, and m by which a line may
 be too near to a body: it may begin on one."""
@@ -216,7 +218,8 @@ class _Lines:
         most = np.linalg.norm(way, axis=1)[:, None, None]
         least = _least(distance, np.where(known, rate, -most), np.where(known, rate, most))
         held = self._can_be_held(flat).reshape(len(ends), -1).all(axis=1)
-        return np.asarray(held & (least >= self._kept - _ROUNDING).all(axis=1))
+        touched = (least < self._kept + _TOUCHED).sum(axis=1)
+        return np.asarray(held & (least >= self._kept - _ROUNDING).all(axis=1) & (touched < 2))
 
     def _can_be_held(self, places: Array) -> Truths:
         return np.asarray(room_at_rest(self.without, places) > 0)
