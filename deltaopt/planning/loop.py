@@ -64,8 +64,8 @@ _USUAL, _ANOTHER_WAY_ABOVE = 1e-3, 3e-3
 motion. Where a tighter one is missed it does so above the second: smaller gaps are not the first
 motion's fault, and planning again seldom changes them."""
 _IMPROVED, _SHORTER = 4, 1e-4
-"""How many plans at most then begin with the motion found, each with that of the one before; and by
-what share each must be shorter, or else tell a smaller gap."""
+"""How many plans of a kind at most begin with the motion found, each with that of the one before;
+and by what share each must be shorter, or else tell a smaller gap."""
 _TOLD = 2
 """Of how many motions at most it is said what is in their way: those in whose way is least."""
 _DIGITS = 9
@@ -219,18 +219,18 @@ class Loop:
 
     def improved(self, scene: Scene, found: Plan) -> Plan:
         """A plan that begins with the motion of another, or the other one where that is not better:
-        on few intervals, and then on twice the mesh of the better, as often as this improves it. A
-        mesh whose knots are where bodies are passed closely does not lead through them."""
+        on few intervals, and then on twice the mesh of the better, each as often as this improves
+        it. A mesh whose knots are where bodies are passed closely does not lead through them."""
         few = partial(on_few_intervals, scene, coarsest=self.optimiser.intervals)
-        twice = partial(on_twice_its_mesh, scene)
-        for attempt in (few, *[twice] * _IMPROVED):
-            known, made = found, self.remedied(attempt(found.trajectory))
-            if isinstance(made, Plan) and is_clear(scene, made.trajectory):
-                found = quicker(known, made)
-            is_better = found.cost < (1 - _SHORTER) * known.cost or found.gap < known.gap
-            has_settled = attempt is twice and not is_better
-            if found.gap <= self.good_gap or has_settled:
-                break
+        for attempt in (few, partial(on_twice_its_mesh, scene)):
+            for _ in range(_IMPROVED):
+                known, made = found, self.remedied(attempt(found.trajectory))
+                if isinstance(made, Plan) and is_clear(scene, made.trajectory):
+                    found = quicker(known, made)
+                if found.gap <= self.good_gap:
+                    return found
+                if found.cost > (1 - _SHORTER) * known.cost and found.gap >= known.gap:
+                    break
         return found
 
 
