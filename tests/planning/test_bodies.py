@@ -165,6 +165,23 @@ def test_ways_that_other_grids_know(number, duration):
     assert found.duration == pytest.approx(duration, rel=3e-3)
 
 
+def test_no_path_leads_through_where_two_bodies_meet():
+    """Two that share one edge: through it a path of lines was found."""
+    low, high = box([0.5, -0.3, -0.3], [1.2, 0.0, 0.0]), box([0.5, 0.0, 0.0], [1.2, 0.3, 0.3])
+    ends = {"start": [0.85, -0.1, 0.1], "goal": [0.85, 0.12, -0.1]}
+    assert list(shortest_paths(with_bodies(low, workspace=NARROW, **ends)))
+    assert not list(shortest_paths(with_bodies(low, high, workspace=NARROW, **ends)))
+
+
+def test_a_path_begins_in_a_corner_of_bodies():
+    """Where three meet, which it touches."""
+    floor = box([0.85, 0.03, -0.2], [0.95, 0.3, 0.2])
+    side = box([0.7, 0.1525, -0.2], [0.85, 0.2, 0.2])
+    back = box([0.7, 0.03, 0.0], [0.85, 0.1525, 0.05])
+    scene = with_bodies(floor, side, back, start=[0.85, -0.1525, 0.0], goal=[0.85, 0.1525, 0.0])
+    assert list(shortest_paths(scene))
+
+
 WALL = [box([0.80, -0.005, -0.5], [1.5, 0.005, 0.5])]
 ACROSS = {"start": [0.85, -0.1525, 0.0], "goal": [0.85, 0.1525, 0.0], "payload": 1.0}
 

@@ -75,7 +75,8 @@ _PARALLEL = 1e-6
 _BETWEEN = np.linspace(0.0, 1.0, 9)
 """Of a line, where distances and their slopes are taken."""
 _TOUCHED = 1e-6
-"""m from a body, of which a line touches one at most: none leads through where two bodies meet."""
+"""m from a body. A line that touches two leads through where they meet, unless they are touched
+where it begins or ends."""
 _KNOWN, _ROUNDING = 0.5, 1e-12
 """Least length of the slope of a distance, which is 1 where it is known, and m by which a line may
 be too near to a body: it may begin on one."""
@@ -218,8 +219,16 @@ class _Lines:
         most = np.linalg.norm(way, axis=1)[:, None, None]
         least = _least(distance, np.where(known, rate, -most), np.where(known, rate, most))
         held = self._can_be_held(flat).reshape(len(ends), -1).all(axis=1)
-        touched = (least < self._kept + _TOUCHED).sum(axis=1)
-        return np.asarray(held & (least >= self._kept - _ROUNDING).all(axis=1) & (touched < 2))
+        touched = least < self._kept + _TOUCHED
+        leads_between = (touched.sum(axis=1) > 1) & ~self._are_touched_at_an_end(touched)
+        return np.asarray(held & (least >= self._kept - _ROUNDING).all(axis=1) & ~leads_between)
+
+    def _are_touched_at_an_end(self, touched: Truths) -> Truths:
+        """Whether all bodies that lines touch, (N, rows), are touched by the start, or by the goal:
+        in a corner of a tray it may touch two."""
+        distance, _ = signed_distances(problem_of(self.scene), np.array(self.scene.given_points))
+        start, goal = distance < self._kept + _TOUCHED
+        return np.asarray((touched <= start).all(axis=1) | (touched <= goal).all(axis=1))
 
     def _can_be_held(self, places: Array) -> Truths:
         return np.asarray(room_at_rest(self.without, places) > 0)
