@@ -188,7 +188,9 @@ class _Free:
             free &= _distance(body, points) > kept
         free &= self.arms_turn_to(found[0].angles)
         if self.scene.robot_keeps_clear:
-            free[free] = _are_clear(self.scene, 1, self.statics[0].forearms(points[free])).all(1)
+            radius = as_delta(self.scene.robot).link_radius(1)
+            forearms = self.statics[0].forearms(points[free])
+            free[free] = _are_clear(self.scene, radius, forearms).all(axis=1)
         return free
 
     def arms_turn_to(self, angles: Array) -> Truths:
@@ -223,18 +225,19 @@ def _turned(scene: Scene, statics: Statics, start: Array) -> Array:
     if not scene.robot_keeps_clear:
         return np.array([start - np.pi, start + np.pi])
     found, steps = np.empty((2, 3)), np.linspace(0.0, np.pi, _ANGLES)
+    radius = as_delta(scene.robot).link_radius(0)
     for arm, angle in enumerate(start):
         for side, angles in enumerate((angle - steps, angle + steps)):
-            blocked = ~_are_clear(scene, 0, statics.arms(angles))[:, arm]
+            blocked = ~_are_clear(scene, radius, statics.arms(angles))[:, arm]
             found[side, arm] = angles[blocked.argmax() if blocked.any() else -1]
     return found
 
 
-def _are_clear(scene: Scene, first: int, lines: Array) -> Truths:
-    """Whether arms (``first`` is 0) or forearms (1) about lines (N, 3, 2, 3), m, are clear of all
-    bodies, by places on the lines: (N, 3)."""
+def _are_clear(scene: Scene, radius: float, lines: Array) -> Truths:
+    """Whether capsules of a radius (m) about lines (N, 3, 2, 3), m, are clear of all bodies, by
+    places on the lines: (N, 3)."""
     clear, (begins, ends) = np.ones(lines.shape[:2], bool), lines.transpose(2, 0, 1, 3)
-    kept = scene.least_clearance + as_delta(scene.robot).link_radius(first)
+    kept = scene.least_clearance + radius
     for share in _ON_LINK:
         places = (begins + share * (ends - begins)).reshape(-1, 3)
         for body in scene.keep_out or ():
