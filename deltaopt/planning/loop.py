@@ -306,8 +306,10 @@ def _in_the_way(scene: Scene, motion: Trajectory, name: str) -> tuple[float, str
         return least, str(error)
     if crosses_singularity(problem, motion):
         return least, f"{name} leads through a parallel singularity"
-    factor = if_possible(NO_PLAN, safe_factor, problem, motion)
-    if problem.is_at_rest or factor is None or factor == inf:
+    # A way past bodies may be one from rest to rest: of it nothing more is known.
+    is_asked_for = not problem.is_at_rest and _off_its_ends(problem, motion) < _ROUNDING
+    factor = if_possible(NO_PLAN, safe_factor, problem, motion) if is_asked_for else None
+    if factor is None or factor == inf:
         return least, ""
     return least, f"{name} would have to take {factor:.3g} times as long, but its ends move"
 

@@ -146,3 +146,12 @@ def test_what_is_not_known_is_not_told():
     said = refusal(scene, elsewhere)
     assert said.count(";") == 2
     assert "the motion" not in said
+
+
+def test_a_motion_from_rest_to_rest_is_not_blamed_for_ends_that_move(monkeypatch):
+    """Ways past bodies are such: slowed, it would still not begin in motion."""
+    monkeypatch.setattr("deltaopt.planning.loop.slow_motions", lambda _: ())
+    scene = load_scene(PROBLEMS / "moving" / "passed_state.yaml")
+    start, goal = (tuple(point) for point in scene.given_points)
+    at_rest = line(scene.model_copy(update={"start": start, "goal": goal}))
+    assert "times as long" not in refusal(scene, at_rest)
