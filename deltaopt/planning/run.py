@@ -18,6 +18,7 @@ from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import (
     ENDS_AN_ATTEMPT,
     NO_PLAN,
+    RULED_OUT,
     DeltaOptError,
     Infeasible,
     NotConverged,
@@ -200,6 +201,11 @@ class Run(Loop):
         added to ``refused``."""
         rough = replace(self, optimiser=replace(self.optimiser, tolerance=NEARLY))
         if scene.task.is_at_rest:
+            try:
+                check_feasible(scene)
+            except RULED_OUT as error:  # a stop or a run-up leads into a body; others may not
+                self.journal.note(str(error))
+                return None
             try:
                 return rough._plan_by_limits(scene, None)
             except Infeasible as error:

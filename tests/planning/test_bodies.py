@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from deltaopt import Plan, plan
-from deltaopt.errors import Infeasible
+from deltaopt.errors import Infeasible, NotConverged
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.planning.first_motions.passages import shortest_paths
 from deltaopt.problem.of_scene import problem_of
@@ -180,6 +180,16 @@ def test_a_path_begins_in_a_corner_of_bodies():
     back = box([0.7, 0.03, 0.0], [0.85, 0.1525, 0.05])
     scene = with_bodies(floor, side, back, start=[0.85, -0.1525, 0.0], goal=[0.85, 0.1525, 0.0])
     assert list(shortest_paths(scene))
+
+
+def test_a_run_up_through_a_body_is_told():
+    """To a goal that is passed at speed 1 mm beside a wall, away from it: no way between clear
+    places is looked for where one of these is in the wall."""
+    wall = box([0.5, 0.05, -0.4], [1.2, 0.1515, 0.4])
+    goal = {"at": [0.85, 0.1525, 0.0], "velocity": [0.0, 2.0, 0.0]}
+    scene = with_bodies(wall, workspace=NARROW, start=[0.85, 0.16, 0.05], goal=goal)
+    with pytest.raises(NotConverged, match=r"a run-up .* the tool overlaps keep_out"):
+        plan(scene)
 
 
 WALL = [box([0.80, -0.005, -0.5], [1.5, 0.005, 0.5])]
