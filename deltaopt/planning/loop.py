@@ -222,9 +222,9 @@ class Loop:
         on few intervals, and then on twice the mesh of the better, each as often as this improves
         it. A mesh whose knots are where bodies are passed closely does not lead through them."""
         few = partial(on_few_intervals, scene, coarsest=self.optimiser.intervals)
-        for attempt in (few, partial(on_twice_its_mesh, scene)):
+        for attempt_from in (few, partial(on_twice_its_mesh, scene)):
             for _ in range(_IMPROVED):
-                known, made = found, self.remedied(attempt(found.trajectory))
+                known, made = found, self.remedied(attempt_from(found.trajectory))
                 if isinstance(made, Plan) and is_clear(scene, made.trajectory):
                     found = quicker(known, made)
                 if found.gap <= self.good_gap:

@@ -355,8 +355,8 @@ class Run(Loop):
             for each in sorted(found, key=attrgetter("cost"))
         ]
         improved = (self.improved(scene, each) for each in found)
-        known = next((each for each in improved if isfinite(each.gap)), found[0])
-        best = quicker(known, found[0])
+        known = next((each for each in improved if isfinite(each.gap)), None)
+        best = quicker(known, found[0]) if known else found[0]
         way = TakenWay(name_of_way(scene, best.trajectory), best.duration, True)
         return [replace(best, ways=(way,))]
 

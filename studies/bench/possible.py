@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise, product
 
 import numpy as np
@@ -150,9 +151,7 @@ class _Free:
 
     ``statics``: with each mass that it carries. ``torque``: the largest of each motor, (3,), N·m.
     ``side``: 1 or -1, the sign of the volume of the bars' directions at the start. ``folded``: the
-    least sin² of the angle between arm and bars that motions between these ends keep. ``turned``:
-    the least and the largest angle to which each arm turns from the start until it is in a body
-    that it is to keep clear of, or has made half a turn, (2, 3), rad.
+    least sin² of the angle between arm and bars that motions between these ends keep.
     """
 
     scene: Scene
@@ -160,7 +159,6 @@ class _Free:
     torque: Array
     side: float
     folded: float
-    turned: Array
 
     @classmethod
     def of(cls, scene: Scene) -> _Free:
@@ -170,8 +168,7 @@ class _Free:
         torque = np.minimum(scene.robot.torque_limits, np.inf if limit is None else limit)
         ends = statics[0].at(np.array(scene.given_points))
         folded = margin(float(ends.alignments.min()))
-        turned = _turned(scene, statics[0], ends.angles[0])
-        return cls(scene, statics, torque, float(np.sign(ends.volumes[0])), folded, turned)
+        return cls(scene, statics, torque, float(np.sign(ends.volumes[0])), folded)
 
     def __call__(self, points: Array) -> Truths:
         parts = np.array_split(points, -(-len(points) // _AT_ONCE) or 1)
@@ -186,8 +183,8 @@ class _Free:
         kept = self.scene.least_clearance + ((tool and tool.radius) or 0.0)
         for body in self.scene.keep_out or ():
             free &= _distance(body, points) > kept
-        free &= self.arms_turn_to(found[0].angles)
         if self.scene.robot_keeps_clear:
+            free &= self.arms_turn_to(found[0].angles)
             radius = as_delta(self.scene.robot).link_radius(1)
             forearms = self.statics[0].forearms(points[free])
             free[free] = _are_clear(self.scene, radius, forearms).all(axis=1)
@@ -195,8 +192,21 @@ class _Free:
 
     def arms_turn_to(self, angles: Array) -> Truths:
         """Whether arms get from the start to angles (N, 3), rad, and through no body on the way."""
-        low, high = self.turned
+        low, high = self._turned
         return np.asarray(((angles - low) % (2 * np.pi) < high - low).all(axis=1))
+
+    @cached_property
+    def _turned(self) -> Array:
+        """The least and the largest angle to which each arm turns from the start until it is in a
+        body, or has made half a turn, (2, 3), rad: where an arm is depends on its angle alone."""
+        statics, radius = self.statics[0], as_delta(self.scene.robot).link_radius(0)
+        start = statics.at(np.array(self.scene.given_points[:1])).angles
+        steps, found = np.linspace(0.0, np.pi, _ANGLES)[:, None], np.empty((2, 3))
+        for side, angles in enumerate((start - steps, start + steps)):
+            blocked = ~_are_clear(self.scene, radius, statics.arms(angles))
+            last = np.where(blocked.any(axis=0), blocked.argmax(axis=0), _ANGLES - 1)
+            found[side] = angles[last, range(3)]
+        return found
 
     def _in_ranges(self, at: AtRest) -> Truths:
         least = max(_FLAT, self.scene.given("parallel_singularity") or 0.0)
@@ -218,19 +228,6 @@ class _Free:
         if workspace and workspace.radius:
             inside &= np.hypot(points[:, 1], points[:, 2]) < workspace.radius
         return inside
-
-
-def _turned(scene: Scene, statics: Statics, start: Array) -> Array:
-    """``turned`` of `_Free`: where an arm is depends on its angle alone."""
-    if not scene.robot_keeps_clear:
-        return np.array([start - np.pi, start + np.pi])
-    found, steps = np.empty((2, 3)), np.linspace(0.0, np.pi, _ANGLES)
-    radius = as_delta(scene.robot).link_radius(0)
-    for arm, angle in enumerate(start):
-        for side, angles in enumerate((angle - steps, angle + steps)):
-            blocked = ~_are_clear(scene, radius, statics.arms(angles))[:, arm]
-            found[side, arm] = angles[blocked.argmax() if blocked.any() else -1]
-    return found
 
 
 def _are_clear(scene: Scene, radius: float, lines: Array) -> Truths:

@@ -67,8 +67,8 @@ class Statics:
         return AtRest(torques, here.angles, here.sideways, here.alignments, volumes)
 
     def arms(self, angles: Array) -> Array:
-        """Both ends of the middle line of each arm at angles (N,), rad: (N, 3, 2, 3), m."""
-        out, down = np.cos(angles)[:, None, None] * _RADIAL, np.sin(angles)[:, None, None] * _DOWN
+        """Both ends of the middle line of each arm at angles (N, 3), rad: (N, 3, 2, 3), m."""
+        out, down = np.cos(angles)[..., None] * _RADIAL, np.sin(angles)[..., None] * _DOWN
         shafts = np.broadcast_to(self.robot.base_radius * _RADIAL, out.shape)
         return np.stack([shafts, shafts + self.robot.upper_arm.length * (out - down)], axis=2)
 

@@ -49,7 +49,7 @@ spare (m), and how many searches for a shortest path are made. Each search finds
 line is blocked, or ends; with the finer grid one takes some 20 ms where there is no way."""
 _STEPS = (16, 24, 32)
 """Of grids over all that the robot reaches, along the reach of a chain, which are looked at where
-none of these leads to the goal: what one has no place in another may. All take half a second."""
+none of these leads to the goal: a passage in which one has no place may hold one of another."""
 _FARTHER = (0.0, 0.5)
 """Of the distance of neighbours in such a grid: how far from bodies its places are besides. Between
 places that are nearer lines may lead through their corners."""
@@ -180,6 +180,12 @@ class _Lines:
     def _kept(self) -> Array:
         return least_distances(self.scene) + self.spare
 
+    @cached_property
+    def _touched_by_ends(self) -> Truths:
+        """Which bodies the start and the goal touch, (2, rows): in a corner of a tray two."""
+        distance, _ = signed_distances(problem_of(self.scene), np.array(self.scene.given_points))
+        return np.asarray(distance < self._kept + _TOUCHED)
+
     def clear_places(self, places: Array) -> Array:
         """Those that are clear of bodies and where the platform can be held."""
         return places[self.are_clear_places(places) & self._can_be_held(places)]
@@ -220,15 +226,9 @@ class _Lines:
         least = _least(distance, np.where(known, rate, -most), np.where(known, rate, most))
         held = self._can_be_held(flat).reshape(len(ends), -1).all(axis=1)
         touched = least < self._kept + _TOUCHED
-        leads_between = (touched.sum(axis=1) > 1) & ~self._are_touched_at_an_end(touched)
+        by_ends = (touched <= self._touched_by_ends[:, None]).all(axis=2).any(axis=0)
+        leads_between = (touched.sum(axis=1) > 1) & ~by_ends
         return np.asarray(held & (least >= self._kept - _ROUNDING).all(axis=1) & ~leads_between)
-
-    def _are_touched_at_an_end(self, touched: Truths) -> Truths:
-        """Whether all bodies that lines touch, (N, rows), are touched by the start, or by the goal:
-        in a corner of a tray it may touch two."""
-        distance, _ = signed_distances(problem_of(self.scene), np.array(self.scene.given_points))
-        start, goal = distance < self._kept + _TOUCHED
-        return np.asarray((touched <= start).all(axis=1) | (touched <= goal).all(axis=1))
 
     def _can_be_held(self, places: Array) -> Truths:
         return np.asarray(room_at_rest(self.without, places) > 0)

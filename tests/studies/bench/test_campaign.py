@@ -70,9 +70,8 @@ def test_arms_and_forearms_are_joined():
     forearms = statics.forearms(points)
     sizes = np.linalg.norm(forearms[:, :, 1] - forearms[:, :, 0], axis=2)
     np.testing.assert_allclose(sizes, scene.robot.forearm.length, rtol=1e-12)
-    for arm, angles in enumerate(statics.at(points).angles.T):
-        elbows = statics.arms(angles)[:, arm, 1]
-        np.testing.assert_allclose(elbows, forearms[:, arm, 0], atol=1e-12)
+    elbows = statics.arms(statics.at(points).angles)[:, :, 1]
+    np.testing.assert_allclose(elbows, forearms[:, :, 0], atol=1e-12)
 
 
 def test_a_move_is_not_possible_where_an_arm_would_have_to_turn_through_a_body(monkeypatch):
@@ -81,7 +80,7 @@ def test_a_move_is_not_possible_where_an_arm_would_have_to_turn_through_a_body(m
     scene, statics = move(1, 0).scene, Statics(move(1, 0).scene.robot, 0.0)
     angles = statics.at(np.array(scene.given_points)).angles
     arm = int(np.ptp(angles, axis=0).argmax())
-    middle = statics.arms(angles.mean(axis=0))[arm, arm, 1]
+    middle = statics.arms(angles.mean(axis=0)[None])[0, arm, 1]
     sphere = {"sphere": {"centre": middle.tolist(), "radius": 0.001}}
     passed = scene.model_copy(update={"keep_out": [sphere]})
     assert possibility(passed).found
