@@ -159,7 +159,7 @@ def long(payload, duration):
     return plan(scene, tolerance=1e-3)
 
 
-@pytest.mark.parametrize(("payload", "duration", "less"), [(None, 3, 1), (PICK.payload, 1.5, 0.8)])
+@pytest.mark.parametrize(("payload", "duration", "less"), [(None, 10, 1), (PICK.payload, 3, 2)])
 def test_a_long_motion_waits_where_little_torque_holds_it(payload, duration, less):
     """It is settled, keeps its limits, and costs little more than a shorter one."""
     found = long(payload, duration)
