@@ -61,8 +61,8 @@ from deltaopt.scene.scene import Scene
 
 _USUAL, _ANOTHER_WAY_ABOVE = 1e-3, 3e-3
 """Tolerances of at least the first are to be met, or planning starts again from another first
-motion. Where a tighter one is missed it does so above the second: smaller gaps are not the first
-motion's fault, and planning again seldom changes them."""
+motion. Where a tighter one is missed, or rates of torques peak, it does so above the second: smaller
+gaps are not the first motion's fault, and planning again seldom changes them."""
 _IMPROVED, _SHORTER = 4, 1e-4
 """How many plans of a kind at most begin with the motion found, each with that of the one before;
 and by what share each must be shorter, or else tell a smaller gap."""
@@ -156,23 +156,23 @@ class Loop:
         self.journal.end(f"about {found.duration:.4g} s", found.duration)
         return found
 
-    @property
-    def good_gap(self) -> float:
+    def good_gap(self, scene: Scene) -> float:
         """Gap up to which a plan is good enough; above it planning starts again from another first
         motion."""
         tolerance = self.optimiser.tolerance
-        return tolerance if tolerance >= _USUAL else _ANOTHER_WAY_ABOVE
+        is_usual = tolerance >= _USUAL and not problem_of(scene).rates_peak
+        return tolerance if is_usual else max(tolerance, _ANOTHER_WAY_ABOVE)
 
     def by_merit(self, scene: Scene) -> Plan:
         """From first motions in order of merit. Raises Unreachable if there is none, NotConverged
         if none leads to a plan."""
-        so_far = Outcomes(scene, inf if has_time_to_wait(scene) else self.good_gap)
+        so_far = Outcomes(scene, inf if has_time_to_wait(scene) else self.good_gap(scene))
         self.make(by_merit(so_far, self.optimiser.intervals), so_far)
         return so_far.best_known()
 
     def until_good(self, scene: Scene, proposals: Iterator[Proposal]) -> Plan | DeltaOptError:
         """From first motions in phases or where an end moves: the best plan, or the first error."""
-        so_far = Outcomes(scene, self.good_gap)
+        so_far = Outcomes(scene, self.good_gap(scene))
         self.make(until_good(so_far, self.optimiser.intervals, proposals), so_far)
         if so_far.plans:
             return so_far.best_known()
@@ -181,7 +181,7 @@ class Loop:
 
     def only_from(self, attempt: Attempt) -> Plan:
         """From one attempt. Raises what ends it."""
-        so_far = Outcomes(attempt.scene, self.good_gap)
+        so_far = Outcomes(attempt.scene, self.good_gap(scene))
         self.make(iter([attempt]), so_far)
         return so_far.best()
 
@@ -227,7 +227,7 @@ class Loop:
                 known, made = found, self.remedied(attempt_from(found.trajectory))
                 if isinstance(made, Plan) and is_clear(scene, made.trajectory):
                     found = quicker(known, made)
-                if found.gap <= self.good_gap:
+                if found.gap <= self.good_gap(scene):
                     return found
                 if found.cost > (1 - _SHORTER) * known.cost and found.gap >= known.gap:
                     break

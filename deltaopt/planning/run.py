@@ -123,7 +123,7 @@ class Run(Loop):
     def _best_of_others(self, scene: Scene, usual: Callable[[Scene], Plan], search: Search) -> Plan:
         """The best of the ``usual`` plan and of those from other first motions, with what was
         looked at. Raises the first error if none leads to a plan."""
-        so_far, known = Outcomes(scene, self.good_gap), list[Plan]()
+        so_far, known = Outcomes(scene, self.good_gap(scene)), list[Plan]()
         try:
             known.append(self._links_clear(scene, usual))
             so_far.add(known[0])
@@ -243,7 +243,7 @@ class Run(Loop):
         better of it and a plan by way of places that the belt passes. Past bodies and through
         points, where that takes long, only if nothing was found."""
         slow = limits_of(scene).constraints.has_convex or bool(scene.task.gates)
-        is_good = isinstance(found, Plan) and (slow or found.gap <= self.good_gap)
+        is_good = isinstance(found, Plan) and (slow or found.gap <= self.good_gap(scene))
         if is_good or not scene.task.goal.moves:
             return found
         tried = len(self.attempts)
@@ -295,8 +295,10 @@ class Run(Loop):
             ends = None if scene.task.goal.moves else motion
             first = first_motion(at_rest(scene, ends))
             way = Attempt(scene, first, self.optimiser.intervals)
-            plan, ways = fastest_way(way, motion, self.only_from, self.on_first_mesh, self.good_gap)
-            plan = plan if plan.gap <= self.good_gap else self.improved(scene, plan)
+            plan, ways = fastest_way(
+                way, motion, self.only_from, self.on_first_mesh, self.good_gap(scene)
+            )
+            plan = plan if plan.gap <= self.good_gap(scene) else self.improved(scene, plan)
             found.append(replace(plan, scene=scene, ways=ways))
         except ENDS_AN_ATTEMPT as error:
             failure = error

@@ -38,6 +38,7 @@ from deltaopt.planning.first_motions.order_of_merit import (
 )
 from deltaopt.planning.formulations.choice import Flat, ProblemFormulation, Redundant
 from deltaopt.planning.journal import Progress
+from deltaopt.planning.mesh.error_estimate import SAFETY_FACTOR
 from deltaopt.planning.mesh.first_mesh import motion_on_first_mesh
 from deltaopt.planning.mesh.gap import gap_of, iteration_of
 from deltaopt.planning.mesh.kept_limits import kept_or_slowed
@@ -184,6 +185,8 @@ class TrajectoryOptimiser:
         elif is_fastest:
             trajectory = safe(scene, trajectory, chosen.safe_factor, chosen.status)
         gap = resolved.gap if resolved else gap_of([*iterations, *later], best)
+        if is_fastest and problem.is_at_rest and not problem.may_be_slowed:  # it may be slowed yet
+            gap = max(gap, _above_relaxed(solutions[best], solutions[best - 1]))
         if not is_fastest:  # what it has cost to keep the limits between points
             ratio = solutions[best].cost / solutions[best - 1].cost
             by_mesh_before = ratio * (1 + iterations[best - 1].gap) - 1
@@ -379,6 +382,12 @@ def _best_of(solutions: Sequence[MeshSolution], iterations: Sequence[Iteration])
 def _above_least(solutions: Sequence[MeshSolution], i: int) -> float:
     """By what share a mesh solution costs more than the least of all: its gap is no less."""
     return solutions[i].cost / min(each.cost for each in solutions) - 1
+
+
+def _above_relaxed(kept: MeshSolution, relaxed: MeshSolution) -> float:
+    """The gap of a solution that keeps limits between points, by the one before, which does not."""
+    least = relaxed.cost / (1 + SAFETY_FACTOR * relaxed.to_be_gained)
+    return kept.cost / least - 1
 
 
 def _multipliers(found: MeshSolution) -> MeshMultipliers | None:

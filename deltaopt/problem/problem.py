@@ -82,8 +82,15 @@ class Problem:
     @property
     def may_be_slowed(self) -> bool:
         """Whether a motion that exceeds a limit may be slowed until it keeps it, at no other cost
-        than time."""
-        return self.is_at_rest and not self.objective.running
+        than time: not where rates of torques peak, for they cancel peaks of friction, which shrink
+        less than they do."""
+        return self.is_at_rest and not self.objective.running and not self.rates_peak
+
+    @property
+    def rates_peak(self) -> bool:
+        """Whether rates of torques are limited that peak where an arm turns back, since Coulomb
+        friction changes its sign there."""
+        return self.limits.constraints.has_torque_rates and bool(self.model.layers)
 
     @property
     def may_switch(self) -> bool:

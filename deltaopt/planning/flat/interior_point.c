@@ -324,6 +324,7 @@ static void set_intervals(Problem *P) {
         for (int k = 0; b >= 0 && k < NM; k++) I->moving |= given->drift[NM * b + k] != 0;
       }
       I->any_constant = I->constant[0] || I->constant[1];
+      I->by_deviation = I->boundary[0] < 0 && I->boundary[1] < 0;
       for (int r = 0; r < NC; r++) I->scale[r] = 1 / given->share[NC * i + r];
       set_weights(P, I);
       set_bending(P, I, durations(P, P->z)[phase]);
@@ -510,13 +511,26 @@ static double largest_change(const Problem *P) {
   return largest(most);
 }
 
+/* How far rows are from their copies at most. */
+static double largest_infeasibility(const Problem *P) {
+  V most = ALL(0.0);
+  for (int64_t i = 0; i < P->n; i++)
+    for (int j = 0; j < NG; j++) {
+      const Group *G = P->interval[i].group + j;
+      for (int r = 0; r < NC; r++) most = larger(most, absolute(G->c[r] - G->t[r]));
+    }
+  return largest(most);
+}
+
 /* Newton's direction without barrier, shifted until it is one of descent; 0 if there is none.
    Where curvature almost vanishes it would ask for torques far beyond their limits, and end
    at the first of them; or the rows' own curvature would halve its step again and again: both
-   are cured by a shift. */
+   are cured by a shift. From a guess that exceeds limits by more than that any direction that mends
+   it changes rows so much, and a shift would only keep it from that. */
 static int aim(Problem *P, double *shift) {
   const double left = P->left / cost(P, P->z, P->run), most = HIGHEST * P->unit;
   const double first = SHIFT * P->unit * lesser(1.0, left / FAR_OFF);
+  const int is_far = largest_infeasibility(P) > FAR;
   if (P->halvings > 1) *shift = greater(*shift, lesser(greater(8 * *shift, first), most));
   if (P->halvings < 1) *shift = *shift > first ? *shift / 8 : 0.0;
   for (;; *shift = greater(8 * *shift, first)) {
@@ -524,7 +538,7 @@ static int aim(Problem *P, double *shift) {
     direction(P, 0.0);
     double primal, dual;
     longest_steps(P, 1.0, &primal, &dual);
-    if (primal > SHORT || largest_change(P) < FAR) return 1;
+    if (is_far || primal > SHORT || largest_change(P) < FAR) return 1;
   }
 }
 

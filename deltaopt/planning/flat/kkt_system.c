@@ -3,6 +3,8 @@
      D_i    block of knot i            S     corner of the border, by the durations
      E_i    knot i + 1 by knot i       b_i   columns of the border at knot i
 
+   Inside of phases the unknown at knot i is how far knot i + 1 deviates from where it leads.
+
    Factorised in place: D_i its Cholesky factor L_i, E_i its product with L_i^-T, b_i that of
    L_i^-1, the corner L D L^T.
 */
@@ -67,14 +69,17 @@ static void solve_corner(const Problem *P, double *x) {
 
 /* The columns of the border that an interval contributes to the knot on this side of it. */
 static void add_border(const Problem *P, const Interval *I, int side, double *columns) {
-  if (!I->moving) {
-    for (int r = 0; r < NB; r++) columns[NB * I->phase + r] += I->K[NK][NB * side + r];
-    return;
+  for (int64_t q = 0; q < P->phases; q++) {
+    if (P->given->given[q] || (!I->moving && q != I->phase)) continue;
+    for (int r = 0; r < NB; r++) {
+      double *column = columns + NB * q + r;
+      if (!I->moving)
+        *column += I->K[NK][NB * side + r];
+      else
+        for (int a = 0; a <= NK; a++)
+          *column += symmetric(I, NB * side + r, a) * rate_of(P, I, a, q);
+    }
   }
-  for (int64_t q = 0; q < P->phases; q++)
-    for (int r = 0; r < NB; r++)
-      for (int a = 0; a <= NK; a++)
-        columns[NB * q + r] += symmetric(I, NB * side + r, a) * rate_of(P, I, a, q);
 }
 
 /* Where a knot is a boundary, what is fixed there becomes an equation dz = 0 of its own. */
@@ -92,41 +97,14 @@ static void fix(const Problem *P, int64_t i, Block *B, double *columns) {
   }
 }
 
-/* Diagonal block and coupling to the next knot (transposed) of knot i. */
-static void assemble_block(const Problem *P, int64_t i, double shift, Block *B) {
-  const Interval *left = P->interval + i - 1, *right = P->interval + i;
-  if (i == 0) shift += smoothing(P, right);
-  if (i == P->n) shift += smoothing(P, left);
-  if (i > 0 && i < P->n) {
-    for (int r = 0; r < NB; r++)
-      for (int s = 0; s < NB; s++) { /* what lies above D's diagonal is not used */
-        B->D[r][s] = left->K[NB + r][NB + s] + right->K[r][s];
-        B->E[r][s] = right->K[NB + r][s];
-        if (r % NM != s % NM) continue;
-        B->D[r][s] +=
-            shift * (left->bending[NR + r / NM][NR + s / NM] + right->bending[r / NM][s / NM]);
-        B->E[r][s] += shift * right->bending[NR + r / NM][s / NM];
-        B->D[r][s] += smoothing(P, left) * left->bending[NR + r / NM][NR + s / NM];
-        B->D[r][s] += smoothing(P, right) * right->bending[r / NM][s / NM];
-        B->E[r][s] += smoothing(P, right) * right->bending[NR + r / NM][s / NM];
-      }
-    return;
-  }
+/* What an interval contributes to the block of the knot on this side of it. */
+static void add_block(const Problem *P, const Interval *I, int side, double shift,
+                      double D[NB][NB]) {
+  const double (*bending)[2 * NR] = I->bending + NR * side, bent = shift + smoothing(P, I);
   for (int r = 0; r < NB; r++)
-    for (int s = 0; s < NB; s++) {
-      const int same = r % NM == s % NM;
-      if (i > 0) {
-        B->D[r][s] = left->K[NB + r][NB + s];
-        if (same) B->D[r][s] += shift * left->bending[NR + r / NM][NR + s / NM];
-        B->E[r][s] = 0;
-      } else {
-        B->D[r][s] = right->K[r][s];
-        B->E[r][s] = right->K[NB + r][s];
-        if (same) {
-          B->D[r][s] += shift * right->bending[r / NM][s / NM];
-          B->E[r][s] += shift * right->bending[NR + r / NM][s / NM];
-        }
-      }
+    for (int s = 0; s <= r; s++) {
+      D[r][s] += I->K[NB * side + r][NB * side + s];
+      if (r % NM == s % NM) D[r][s] += bent * bending[r / NM][NR * side + s / NM];
     }
 }
 
@@ -135,16 +113,45 @@ static int at_boundary(const Problem *P, int64_t i) {
   return P->interval[i].boundary[0] >= 0 || P->interval[i].boundary[1] >= 0;
 }
 
-static void assemble(const Problem *P, int64_t i, double shift, Block *B, double *columns) {
-  assemble_block(P, i, shift, B);
-  memset(columns, 0, P->phases * NB * sizeof(double));
-  if (i > 0) add_border(P, P->interval + i - 1, 1, columns);
-  if (i < P->n) add_border(P, P->interval + i, 0, columns);
-  for (int64_t q = 0; q < P->phases; q++)
-    if (P->given->given[q]) memset(columns + NB * q, 0, NB * sizeof(double));
-  if (!at_boundary(P, i)) return;
-  add_spheres(P, i, B);
-  fix(P, i, B, columns);
+/* From what precedes an interval, by knot i, its lower triangle D and columns of the border, to the
+   same by where knot i leads. */
+static void lead_on(const Problem *P, const Interval *I, double D[NB][NB], double *columns) {
+  for (int r = 0; r < NB; r++)
+    for (int s = 0; s < r; s++) D[s][r] = D[r][s];
+  for (int r = 0; r < NB; r++) lead_gradient(I, D[r]);
+  for (int r = 0; r < NB; r++)
+    for (int s = 0; s < r; s++) {
+      const double above = D[s][r];
+      D[s][r] = D[r][s];
+      D[r][s] = above;
+    }
+  for (int r = 0; r < NB; r++) lead_gradient(I, D[r]);
+  for (int64_t q = 0; q < P->phases; q++) lead_gradient(I, columns + NB * q);
+}
+
+/* Add the interval after knot i to its block, and couple it to the next, of which block and columns
+   begin with what precedes the interval, if that is by the deviation d: what precedes it is then a
+   form in (knot i + 1) - d. */
+static void add_next(Problem *P, int64_t i, double shift, Block *B, double *columns) {
+  const Interval *I = P->interval + i;
+  const int64_t w = P->phases * NB;
+  double *next = border(P, i + 1);
+  memset(B[1].D, 0, sizeof B[1].D);
+  memset(next, 0, w * sizeof(double));
+  if (I->by_deviation) {
+    lead_on(P, I, B->D, columns);
+    memcpy(B[1].D, B->D, sizeof B->D);
+    memcpy(next, columns, w * sizeof(double));
+    for (int64_t k = 0; k < w; k++) columns[k] = -columns[k];
+  }
+  for (int r = 0; r < NB; r++)
+    for (int s = 0; s < NB; s++) {
+      B->E[r][s] = I->K[NB + r][s] - B[1].D[r][s];
+      if (r % NM == s % NM)
+        B->E[r][s] += (shift + smoothing(P, I)) * I->bending[NR + r / NM][s / NM];
+    }
+  add_block(P, I, 0, shift, B->D);
+  add_border(P, I, 0, columns);
 }
 
 /* The border's own part: curvature by the durations. */
@@ -194,11 +201,21 @@ static void eliminate_corner(Problem *P, const double *columns) {
 
 static int factorise_once(Problem *P, double shift) {
   assemble_corner(P, shift);
+  memset(P->block[P->first].D, 0, sizeof P->block->D);
+  memset(border(P, P->first), 0, P->phases * NB * sizeof(double));
   for (int64_t i = P->first; i <= P->last; i++) {
     Block *B = P->block + i;
     double *columns = border(P, i);
-    assemble(P, i, shift, B, columns);
+    if (i > 0) {
+      add_block(P, P->interval + i - 1, 1, shift, B->D);
+      add_border(P, P->interval + i - 1, 1, columns);
+    }
     if (i > P->first) eliminate(P, B - 1, border(P, i - 1), B, columns);
+    if (i < P->n) add_next(P, i, shift, B, columns);
+    if (at_boundary(P, i)) {
+      add_spheres(P, i, B);
+      fix(P, i, B, columns);
+    }
     if (!cholesky(B->D)) return 0;
     for (int64_t w = 0; w < P->phases; w++) solve_lower(B->D, columns + NB * w);
     eliminate_corner(P, columns);
@@ -249,6 +266,13 @@ static void newton_step(Problem *P) {
     if (i > P->first)
       for (int r = 0; r < NB; r++)
         for (int k = 0; k < NB; k++) x[r] -= B[-1].E[r][k] * x[k - NB];
+    if (i < P->n && P->interval[i].by_deviation) {
+      lead_gradient(P->interval + i, x);
+      for (int r = 0; r < NB; r++) {
+        x[NB + r] += x[r];
+        x[r] = -x[r];
+      }
+    }
     solve_lower(B->D, x);
     for (int64_t w = 0; w < P->phases; w++)
       for (int k = 0; k < NB; k++) rest[w] -= columns[NB * w + k] * x[k];
@@ -265,6 +289,9 @@ static void newton_step(Problem *P) {
     for (int k = 0; k < NB && i < P->last; k++)
       for (int r = 0; r < NB; r++) x[k] -= B->E[r][k] * x[NB + r];
     solve_upper(B->D, x);
+    if (i == P->n || !P->interval[i].by_deviation) continue;
+    for (int r = 0; r < NB; r++) x[r] = x[NB + r] - x[r];
+    lead_back(P->interval + i, x);
   }
   move_positions(P, dz);
   P->report->solving += seconds() - begin;

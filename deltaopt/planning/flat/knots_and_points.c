@@ -46,23 +46,58 @@ static void hermite(V s, V thirds, V W[4][6]) {
 }
 #endif
 
+/* t^k / k!: of derivative d + k in derivative d a time t later. */
+static V taylor(V t, int k) { return k < 0 ? ALL(0.0) : k == 0 ? ALL(1.0) : k == 1 ? t : 0.5 * t * t; }
+
+/* From W, by both knots of [0, 1], to the same by knot i + 1 and its deviation d from where knot i
+   leads: X_i = where (knot i + 1 - d) was 1 earlier. */
+static void by_deviation(V s, V W[NR + 1][2 * NR], V form[NR + 1][2 * NR]) {
+  for (int d = 0; d <= NR; d++)
+    for (int a = 0; a < NR; a++) {
+      form[d][a] = ALL(0.0);
+      for (int b = 0; b <= a; b++) form[d][a] -= W[d][b] * taylor(ALL(-1.0), a - b);
+      form[d][NR + a] = taylor(s - 1, a - d);
+    }
+}
+
 /* The same at the points of an interval of any length: each derivative by time divides by it. */
+static void lengthen(double e, V W[NR + 1][2 * NR]) {
+  const double power[] = {1, e, e * e, e * e * e};
+  for (int d = 0; d <= NR; d++)
+    for (int a = 0; a < 2 * NR; a++) {
+      if (a % NR > d) W[d][a] *= power[a % NR - d];
+      if (a % NR < d) W[d][a] /= power[d - a % NR];
+    }
+}
+
 static void set_weights(const Problem *P, Interval *I) {
-  const double e = I->length, power[] = {1, e, e * e, e * e * e};
   for (int g = 0; g < NG; g++) {
     Group *G = I->group + g;
     V s, thirds, weights;
     memcpy(&s, P->given->fractions + 4 * g, sizeof s);
     memcpy(&thirds, P->given->thirds + 4 * g, sizeof thirds);
     memcpy(&weights, P->given->quadrature + 4 * g, sizeof weights);
-    G->integral = e * weights;
+    G->integral = I->length * weights;
     hermite(s, thirds, G->weight);
-    for (int d = 0; d <= NR; d++)
-      for (int a = 0; a < 2 * NR; a++) {
-        if (a % NR > d) G->weight[d][a] *= power[a % NR - d];
-        if (a % NR < d) G->weight[d][a] /= power[d - a % NR];
-      }
+    memcpy(G->form, G->weight, sizeof G->form);
+    if (I->by_deviation) by_deviation(s, G->weight, G->form);
+    lengthen(I->length, G->weight);
+    lengthen(I->length, G->form);
   }
+}
+
+/* From a gradient by knot i to one by knot i + 1, as far as that leads back to knot i. */
+static void lead_gradient(const Interval *I, double *g) {
+  for (int k = 0; k < NM; k++)
+    for (int a = NR - 1; a > 0; a--)
+      for (int b = 0; b < a; b++) g[NM * a + k] += taylor(ALL(-I->length), a - b)[0] * g[NM * b + k];
+}
+
+/* What a knot was before an interval without deviation. */
+static void lead_back(const Interval *I, double *x) {
+  for (int k = 0; k < NM; k++)
+    for (int b = 0; b < NR; b++)
+      for (int a = b + 1; a < NR; a++) x[NM * b + k] += taylor(ALL(-I->length), a - b)[0] * x[NM * a + k];
 }
 
 /* What A^2 weighs at each point of an interval. Where smooth motions are sought it weighs less in
@@ -81,7 +116,7 @@ static void set_bending(const Problem *P, Interval *I, double T) {
     for (int b = 0; b < 2 * NR; b++) {
       double total = 0;
       for (int g = 0; g < NG; g++)
-        total += sum(I->group[g].weight[2][a] * I->group[g].weight[2][b]);
+        total += sum(I->group[g].form[2][a] * I->group[g].form[2][b]);
       I->bending[a][b] = bending_weight(P, I) * total;
       if (I->constant[a / NR]) I->bending[a][b] *= rates[a % NR];
       if (I->constant[b / NR]) I->bending[a][b] *= rates[b % NR];
@@ -100,9 +135,9 @@ static void at_points(const Group *G, const double *knots, double T, V *y) {
 }
 
 /* One number per knot variable from one per component of y: the transpose of at_points. */
-static V at_knot(const Group *G, const V *m, int a, int k) {
-  V value = G->weight[0][a] * m[k];
-  for (int d = 1; d <= NR; d++) value += G->weight[d][a] * m[NM * d + k];
+static V at_knot(const V (*W)[2 * NR], const V *m, int a, int k) {
+  V value = W[0][a] * m[k];
+  for (int d = 1; d <= NR; d++) value += W[d][a] * m[NM * d + k];
   return value;
 }
 
@@ -147,12 +182,12 @@ static void add_to_gradient(const Problem *P, int64_t i, const Group *G, const V
   double *by_knots = g + NB * i, *by_T = durations(P, g) + I->phase;
   *by_T += sum(m[NY - 1]);
   if (!I->any_constant) {
-    for (int a = 0; a < NK; a++) by_knots[a] += sum(at_knot(G, m, a / NM, a % NM));
+    for (int a = 0; a < NK; a++) by_knots[a] += sum(at_knot(G->weight, m, a / NM, a % NM));
     return;
   }
   const double *z = P->z + NB * i, T = duration_of(P, I, P->z);
   for (int a = 0; a < NK; a++) {
-    const double by_local = sum(at_knot(G, m, a / NM, a % NM));
+    const double by_local = sum(at_knot(G->weight, m, a / NM, a % NM));
     by_knots[a] += unit_of(I, a, T) * by_local;
     *by_T += unit_slope(I, a, T) * z[a] * by_local;
   }

@@ -28,6 +28,12 @@
    are factorised with Cholesky's method, the border with L D L^T. Where it is not positive definite
    the step would not be one of descent.
 
+   Jerk is 1 / length^3 times differences of positions, and K the square of that: elimination of
+   positions from knot to knot would leave the difference of two numbers that are larger than it by
+   the sixth power of the lengths of two intervals, and no digits where one is short. So inside of
+   phases K is by knot i + 1 and by how far that deviates from where knot i leads with constant A
+   (NR = 2: constant V): what is left then are the sums of what the motion itself costs.
+
    Where nothing but the speed of one motor decides how long a motion takes, many motions are as
    fast, and on a mesh almost as fast: steps would drift along that valley, and each mesh would have
    to resolve another motion. So of motions that are equally fast as far as the tolerance goes the
@@ -133,6 +139,7 @@ typedef struct {
 
 typedef struct {
   V weight[NR + 1][2 * NR];      /* of X_i, V_i[, A_i], X_i+1, .. in X, V, A[, J] */
+  V form[NR + 1][2 * NR];        /* the same for K: of what the interval is a form in */
   V integral;                    /* weight of a point in integrals over the phase */
   V c[NC], t[NC];                /* rows and their copies */
   V next[NC], e[NE];             /* rows, and what values keeps, at the last trial: z if taken */
@@ -150,6 +157,7 @@ typedef struct {
   double scale[NC];              /* 1 / share of the limits that may be used */
   double K[NK + 1][WIDE + 4];    /* curvature by both knots and T, the lower triangle */
   double bending[2 * NR][2 * NR]; /* its part of the integral of A^2, as a form in the knots */
+  int by_deviation;              /* K and bending are by the deviation in place of knot i */
   double length;
   const double *own;             /* NO: its own parameters */
   int64_t phase;

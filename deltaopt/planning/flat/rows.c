@@ -61,14 +61,14 @@ static void differentiate(Problem *P, const Interval *I, Group *G, const double 
 static void add_curvature(const Group *G, V S[NY][NY], double K[NK + 1][WIDE + 4]) {
   V half[NK + 1][NY];
   for (int b = 0; b < NY; b++) { /* S is symmetric: its rows are its columns */
-    for (int a = 0; a < NK; a++) half[a][b] = at_knot(G, S[b], a / NM, a % NM);
+    for (int a = 0; a < NK; a++) half[a][b] = at_knot(G->form, S[b], a / NM, a % NM);
     half[NK][b] = S[NY - 1][b];
   }
   for (int row = 0; row <= NK; row++)
     for (int a = 0; a < NK && a <= row; a += 4) {
       V four[4], before;
       for (int k = 0; k < 4; k++)
-        four[k] = WIDE == NK || a + k < NK ? at_knot(G, half[row], (a + k) / NM, (a + k) % NM)
+        four[k] = WIDE == NK || a + k < NK ? at_knot(G->form, half[row], (a + k) / NM, (a + k) % NM)
                                            : ALL(0.0);
       memcpy(&before, K[row] + a, sizeof before);
       const V sums = NG == 1 ? sum_each(four) : before + sum_each(four);
@@ -85,7 +85,7 @@ static void local_gradient(const Problem *P, const Interval *I, double *g) {
     across_rows(G->C, G->y, m);
     for (int k = 0; k < NL; k++)
       for (int a = 0; a < NY; a++) m[a] += P->given->cost[1] * G->integral * G->C[NZ + NY * k + a];
-    for (int a = 0; a < NK; a++) g[a] += sum(at_knot(G, m, a / NM, a % NM));
+    for (int a = 0; a < NK; a++) g[a] += sum(at_knot(G->weight, m, a / NM, a % NM));
   }
 }
 

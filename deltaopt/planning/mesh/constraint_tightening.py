@@ -36,6 +36,9 @@ much."""
 _SMALLEST_SHARE_OF_PLACES = 0.5
 """Smallest share for bulges over bodies and out of a tube, which motions on coarse meshes cut off
 deeply."""
+_SMALLEST_SHARE_OF_RATES = 0.2
+"""Smallest share of a rate of torques or of jerk: beside a reversal with Coulomb friction the first
+changes by several times its limit within an interval, which is too short to cost time."""
 _SMALLEST_SHARE_OF_APPROACH = 0.2
 """Smallest share of an approach: in a cylinder of micrometres a cubic is as far beyond it between
 points as these are from its axis, and hardly any time is to be gained there."""
@@ -88,6 +91,8 @@ def tightened_where_exceeded(
     over = np.maximum(over, _KEPT_SHARE * (1 - shares[inside]) * is_whole[:, None])
     smallest = np.where(constraints.slid_along, _SMALLEST_SHARE_OF_PLACES, _SMALLEST_SHARE)
     smallest[constraints.in_phases] = _SMALLEST_SHARE_OF_APPROACH
+    if scaling.problem.rates_peak:
+        smallest[constraints.orders == 3] = _SMALLEST_SHARE_OF_RATES
     share = np.maximum(1 - over, smallest)
     untouched = (mesh > longest_tightened(scaling.problem))[:, None] & np.logical_not(anywhere)
     return replace(scaling, share=np.where(untouched, UNTIGHTENED, share))

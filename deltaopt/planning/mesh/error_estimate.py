@@ -165,8 +165,7 @@ def shortest_intervals(motion: Trajectory, together: int = 1) -> Array:
 def longest_tightened(problem: Problem) -> float:
     """Length of an interval, as a fraction of the duration, up to which limits that are exceeded
     between its points are tightened at these; longer ones are split."""
-    has_peaks = problem.limits.constraints.has_torque_rates and problem.model.layers
-    return _BESIDE_FRICTION if has_peaks else _TIGHTENED
+    return _BESIDE_FRICTION if problem.rates_peak else _TIGHTENED
 
 
 def refined(

@@ -24,6 +24,8 @@ allows."""
 _SOLVER_SHARE, _FINEST = 1e-2, 1e-8
 """Relative tolerance to which these solves meet rows, as a share of the plan's, and the smallest. A
 finer one takes more iterations, a coarser one costs more margin."""
+_OF_RATES = 0.1
+"""The same share where rates of torques peak: to a hundredth of it the method hardly converges."""
 _DEAR = 10.0
 """What tightening limits costs, as a fraction of the cost per share of them, above which they are
 met to a smaller share: of motions that are hardly slower than the fastest."""
@@ -58,7 +60,8 @@ def kept(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshS
     NotConverged where tightening does not lead to such a motion.
     """
     dear = max(1.0, solution.price_of_limits / _DEAR)
-    last, accuracy = solution, max(_SOLVER_SHARE * tolerance / dear, _FINEST)
+    solver_share = _OF_RATES if solution.problem.rates_peak else _SOLVER_SHARE
+    last, accuracy = solution, max(solver_share * tolerance / dear, _FINEST)
     for attempt in range(1, _MOST + 1):
         excess = np.maximum(last.sizes.max(axis=1) - 1, 0.0)
         if last.excess is not None:
@@ -78,6 +81,8 @@ def kept(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshS
             too_high = (excess.max(axis=1) > KEPT).reshape(-1, last.problem.together)
             pieces[np.repeat(too_high.any(axis=1), last.problem.together)] = _PIECES
         share = np.repeat(np.minimum(share, 1 - _MARGIN * accuracy), pieces, axis=0)
+        if share.min() <= 0:
+            break
         mesh = split(last.mesh, pieces)
         guess = Guess(
             last.trajectory,
@@ -90,7 +95,7 @@ def kept(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshS
         last = solve_on_mesh(program(mesh), scaling, guess)
     raise NotConverged(
         "limits that are exceeded between the points of the mesh, where slowing is no remedy, are "
-        f"still exceeded by {excess.max():.1e} after they were tightened {_MOST} times",
+        f"still exceeded by {excess.max():.1e} after they were tightened {attempt} times",
         "No_Progress",
         last.trajectory,
     )

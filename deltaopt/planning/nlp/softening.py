@@ -13,6 +13,11 @@ limits hold with friction as it is, wherever reversals come to lie, and what the
 their multipliers, as what a mesh loses is: intervals in which arms turn back are split until that
 is little, and no other. The first mesh is not covered: there it would cost more than the
 reversals of the best motion gain, and other motions would be found.
+
+Where rates of torques are limited, an arm turns back with a torque that hardly changes while
+friction does, so that its acceleration falls by what friction has changed. With friction that is
+ten times as soft motions find that on coarse meshes; from mesh to mesh it is then less soft, until
+it is as it is.
 """
 
 from __future__ import annotations
@@ -39,6 +44,10 @@ covered, in units of the friction's own: where that costs too much, friction is 
 _COSTLY, _WANTED, _FALL = 0.25, 0.2, 0.25
 """What friction may cost by being softer, as a share of the tolerance, where a plan is not within
 it yet; what it is to cost then; and to which share of itself the least width falls at most."""
+_SOFT_AT_FIRST, _LESS_SOFT = 0.1, 1 / 3
+"""Where rates of torques are limited: the least width on the first mesh, as a share of the largest
+speed, and by what it is multiplied from mesh to mesh. With smaller steps plans take longer, with
+larger ones more of them do not converge."""
 _NEARLY = 1.01
 _SAMPLES = np.linspace(0.0, 1.0, 5)
 """Fractions of intervals where speeds of arms are evaluated: they are nearly straight between."""
@@ -57,15 +66,17 @@ class Softening:
 
     @classmethod
     def of(cls, problem: Problem, motion: Trajectory, tolerance: float) -> Softening | None:
-        """The softest that a plan of a tolerance may have; None without sharp friction, and where
-        rates of torques are limited: softer friction has smaller ones, which nothing covers.
+        """The softest that a plan of a tolerance may have; where rates of torques are limited, that
+        to begin with. None without sharp friction.
 
         ``motion``: a guess, whose speeds say what is soft.
         """
         layers, torques = problem.model.layers, problem.limits.upper("torque")
-        if not layers or torques is None or problem.limits.constraints.has_torque_rates:
+        if not layers or torques is None:
             return None
         fastest = np.abs(_speeds(motion)).max()
+        if problem.rates_peak:
+            return cls(_SOFT_AT_FIRST * fastest, covers=False)
         friction = max(most for _, most in layers)
         soft = _FIRST * tolerance * fastest * float(torques.min()) / friction
         return cls(max(soft, _least(problem)), covers=False)
@@ -86,6 +97,9 @@ class Softening:
     def after(self, problem: Problem, lost: float, tolerance: float) -> Softening:
         """That of the mesh after one on which it lost so much, a share of the duration, and a plan
         is not within its tolerance."""
+        if problem.rates_peak:
+            least = _LESS_SOFT * self.least
+            return Softening(least if least > _least(problem) / _LEAST else 0.0, covers=True)
         if lost <= _COSTLY * tolerance:
             return replace(self, covers=True)
         least = self.least * max(_FALL, _WANTED * tolerance / lost)
