@@ -61,8 +61,8 @@ from deltaopt.scene.scene import Scene
 
 _USUAL, _ANOTHER_WAY_ABOVE = 1e-3, 3e-3
 """Tolerances of at least the first are to be met, or planning starts again from another first
-motion. Where a tighter one is missed, or rates of torques peak, it does so above the second: smaller
-gaps are not the first motion's fault, and planning again seldom changes them."""
+motion. Where a tighter one is missed, or rates of torques peak, it does so above the second:
+smaller gaps are not the first motion's fault, and planning again seldom changes them."""
 _IMPROVED, _SHORTER = 4, 1e-4
 """How many plans of a kind at most begin with the motion found, each with that of the one before;
 and by what share each must be shorter, or else tell a smaller gap."""
@@ -181,7 +181,7 @@ class Loop:
 
     def only_from(self, attempt: Attempt) -> Plan:
         """From one attempt. Raises what ends it."""
-        so_far = Outcomes(attempt.scene, self.good_gap(scene))
+        so_far = Outcomes(attempt.scene, self.good_gap(attempt.scene))
         self.make(iter([attempt]), so_far)
         return so_far.best()
 

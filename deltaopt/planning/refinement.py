@@ -190,8 +190,8 @@ class Refinement:
 
     @property
     def _is_nearly_kept(self) -> bool:
-        """Whether peaks of rates of torques, with friction as it is, are all that is left: these are
-        tightened away as the last mesh is solved again."""
+        """Whether peaks of rates of torques, with friction as it is, are all that is left: these
+        are tightened away as the last mesh is solved again."""
         last, soft = self.solutions[-1], self.solutions[-1].scaling.softening
         if not self.scaling.problem.rates_peak or soft is None or soft.least > 0:
             return False

@@ -288,7 +288,9 @@ class FlatProblem:
             found.spent,
             all_at_points=True,
             left=float(found.left + smaller_spheres / found.cost),
-            widths=np.concatenate([phase.own for phase in found.phases]),
+            widths=np.concatenate([phase.own for phase in found.phases]).repeat(
+                self.equations.together, axis=0
+            ),
             mesh=None if is_one else np.diff(position.knots) / position.knots[-1],
         )
 
