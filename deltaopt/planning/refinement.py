@@ -22,7 +22,6 @@ from deltaopt.planning.journal import Progress
 from deltaopt.planning.mesh.constraint_tightening import first_tightening
 from deltaopt.planning.mesh.edges import first_phases, next_phases
 from deltaopt.planning.mesh.error_estimate import (
-    SAFETY_FACTOR,
     joined_estimate,
     longest_tightened,
     refined,
@@ -195,7 +194,8 @@ class Refinement:
         last, soft = self.solutions[-1], self.solutions[-1].scaling.softening
         if not self.scaling.problem.rates_peak or soft is None or soft.least > 0:
             return False
-        is_small = SAFETY_FACTOR * last.to_be_gained < _TARGET_SHARE * self.tolerance
+        unused, exceeded = self.iterations[-1].gap - last.exceeding, last.lost.exceeded @ last.mesh
+        is_small = max(unused, exceeded) < _TARGET_SHARE * self.tolerance
         return is_small and last.exceeding < _NEARLY_KEPT
 
     @property

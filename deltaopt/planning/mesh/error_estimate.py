@@ -52,11 +52,12 @@ _TIGHTENED, _BESIDE_FRICTION = 4e-3, 4e-4
 there instead of the interval being split. Tightening in longer intervals would cost more time. The
 second where rates of torques are limited and Coulomb friction changes its sign: no tightening at
 the points of an interval helps against a rate that peaks between two of them."""
-_SHORTEST, _USUAL = 1e-4, 16.0
-"""Shortest interval, as a fraction of the duration, for accelerations up to the second, a
-motion's extent per square of its duration. Accelerations are second differences of the positions at
-knots, so their rounding error grows with the inverse square of the length: where motors reach their
-speed at once, and accelerations are as much greater, intervals may be shorter."""
+_SHORTEST, _SHORTEST_THIRD, _USUAL = 5e-5, 1e-4, 16.0
+"""Shortest interval, as a fraction of the duration, and where three after each other are of equal
+length, for accelerations up to the last, a motion's extent per square of its duration.
+Accelerations are second differences of the positions at knots, and jerk a third one, so their
+rounding error grows with the inverse square or cube of the length: where motors reach their speed
+at once, and accelerations are as much greater, intervals may be shorter."""
 _FOR_BODIES = 3.0
 """Pieces of an interval per loss at bodies in it, as shares of the loss that is aimed at: some
 three intervals touch a body at its edge. More make meshes finer, fewer take more of them."""
@@ -159,7 +160,8 @@ def shortest_intervals(motion: Trajectory, together: int = 1) -> Array:
     begins_and_ends = np.linalg.norm(motion.path_inside([0.0, 1.0])[2], axis=1)
     largest = begins_and_ends.reshape(-1, 2 * together).max(axis=1)
     by_usual = largest * motion.duration**2 / (_USUAL * motion.extent)
-    return np.asarray(_SHORTEST / np.sqrt(np.maximum(by_usual, 1.0)))
+    shortest = _SHORTEST if together == 1 else _SHORTEST_THIRD
+    return np.asarray(shortest / np.sqrt(np.maximum(by_usual, 1.0)))
 
 
 def longest_tightened(problem: Problem) -> float:

@@ -7,11 +7,7 @@ the same with the opposite sign. With time in units of the duration T,
 
     p_i = Σ_j λ_j ∂c_j/∂(X, V)_i        H = p · (V, A) / T, which is -1 on an optimal motion
 
-With exact multipliers the shift could return to zero at the next knot. But in intervals of 1e-4 a
-shift of one knot takes such large accelerations that the solver does not resolve how λ is
-distributed over neighbouring points. So the shift returns to zero over a longer part of the motion,
-as one cubic, which the mesh can represent too: the unknown distribution cancels, and nothing else
-is smoothed.
+The shift returns to zero at the next knot, so that the limits of one interval alone tell p.
 
 H is nearly constant on a mesh that is fine enough. Since controls jump inside intervals, it is not
 as constant as with resolved switches.
@@ -26,11 +22,6 @@ from deltaopt.motion.certificate import Certificate, spread
 from deltaopt.planning.flat.constraint_rows import ConstraintRows
 from deltaopt.planning.mesh.mesh_solution import MeshSolution
 from deltaopt.planning.nlp.scaling import Scaling
-
-FADE_LENGTH = 0.05
-"""Part of the motion over which a shift returns to zero. A longer one averages more of the unknown
-distribution of multipliers, a shorter one follows H more closely. Found by hand on a random move;
-it spans many intervals where they are short."""
 
 
 def certify_mesh(rows: ConstraintRows, found: MeshSolution) -> Certificate:
@@ -50,13 +41,9 @@ def certify_mesh(rows: ConstraintRows, found: MeshSolution) -> Certificate:
     return Certificate(spread(hamiltonian_on_mesh(rows, found)), violation)
 
 
-def hamiltonian_on_mesh(
-    rows: ConstraintRows, found: MeshSolution, over: float = FADE_LENGTH
-) -> Array:
-    """The Hamiltonian at the beginnings, then at the ends of the intervals, (2 N,).
-
-    It is -1 all along an optimal motion. ``over``: as of ``costates``.
-    """
+def hamiltonian_on_mesh(rows: ConstraintRows, found: MeshSolution) -> Array:
+    """The Hamiltonian at the beginnings, then at the ends of the intervals, (2 N,): -1 all along an
+    optimal motion."""
     motion, scaling = found.trajectory, found.scaling
     weights = _hermite(found.mesh, found.program.points)
     states = scaling.states(motion.position, motion.knots, motion.duration)
@@ -65,42 +52,12 @@ def hamiltonian_on_mesh(
     y = np.einsum("danc,nak->ncdk", weights, knots)  # (N, points, 3, m), time in durations
     J = _jacobian(rows, y, motion.duration / scaling.time, scaling)
     pulled = np.einsum("ncr,ncrdk->ncdk", found.solution.multipliers, J)
-    p = costates(np.einsum("ncdk,danc->nak", pulled, weights), found.mesh, over)
+    by_knots = np.einsum("ncdk,danc->nak", pulled, weights)  # X and V at the beginning, at the end
+    p = np.concatenate([by_knots[:, :2], -by_knots[-1:, 2:]])  # the goal must not shift
     A = np.einsum("anc,nak->nck", weights[2][:, :, [0, -1]], knots)
     first = (p[:-1] * np.stack([knots[:, 1], A[:, 0]], axis=1)).sum(axis=(1, 2))
     last = (p[1:] * np.stack([knots[:, 3], A[:, 1]], axis=1)).sum(axis=(1, 2))
     return np.concatenate([first, last])
-
-
-def costates(pulled: Array, mesh: Array, over: float = FADE_LENGTH) -> Array:
-    """Costates of position and velocity at the knots, (N + 1, 2, m), as shares of the duration.
-
-    ``pulled``: Σ λ ∂c/∂(X, V) over the points of every interval, X and V at its beginning, then at
-    its end, (N, 4, m). ``over``: part of the motion over which a shift returns to zero, one
-    interval at least.
-    """
-    N, knots = len(mesh), np.concatenate([[0.0], np.cumsum(mesh)])
-    number = np.arange(N + 1)
-    onwards = np.maximum(np.searchsorted(knots, knots + over), number + 1)
-    backwards = np.minimum(np.searchsorted(knots, knots - over, side="right"), number) - 1
-    p = np.empty((N + 1, 2, pulled.shape[2]))
-    for i in range(N + 1):
-        begins = onwards[i] <= N  # else the goal, which must not shift, is too near: go backwards
-        first, last = (i, onwards[i]) if begins else (backwards[i], i)
-        shifts = _fading_shifts(knots[first : last + 1], begins)
-        here = pulled[first:last]
-        by = np.einsum("dan,ndk->ak", shifts[..., :-1], here[:, :2])
-        by += np.einsum("dan,ndk->ak", shifts[..., 1:], here[:, 2:])
-        p[i] = by if begins else -by
-    return p
-
-
-def _fading_shifts(knots: Array, begins: bool) -> Array:
-    """Derivatives of (X, V) at all knots by (X, V) at the first knot if ``begins``, at the last if
-    not, where the state at the other end stays, (2, 2, knots)."""
-    length = knots[-1] - knots[0]
-    weights = _hermite(np.array([length]), (knots - knots[0]) / length)[:2, :, 0]
-    return weights[:, :2] if begins else weights[:, 2:]
 
 
 def _hermite(mesh: Array, points: Array) -> Array:

@@ -11,7 +11,7 @@ from deltaopt import load_scene, verify
 from deltaopt.motion.certificate import MET
 from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.formulations.delta import DeltaProblem
-from deltaopt.planning.mesh.mesh_costates import certify_mesh, costates, hamiltonian_on_mesh
+from deltaopt.planning.mesh.mesh_costates import certify_mesh, hamiltonian_on_mesh
 from deltaopt.planning.mesh.mesh_solution import solve_on_mesh
 from deltaopt.planning.nlp.problem import Guess, Ipopt
 from deltaopt.planning.nlp.scaling import Scaling
@@ -142,24 +142,13 @@ def test_the_hamiltonian_is_what_theory_says(searched):
     assert searched.certificate(0) is None
 
 
-@pytest.mark.parametrize(
-    "mesh", [[1.0], [0.5, 0.5], [0.02] * 50, [0.6, *[0.001] * 100, 0.3], [*[0.001] * 700, 0.3]]
-)
-def test_multipliers_in_balance_tell_the_same_costates_however_shifts_fade(mesh):
-    """Then a shift of one knot costs afterwards what it gains before, whatever the others do."""
-    rng, mesh = np.random.default_rng(7), np.array(mesh)
-    pulled = rng.standard_normal((len(mesh), 4, 3))
-    pulled[1:, :2] = -pulled[:-1, 2:]
-    expected = np.concatenate([pulled[:, :2], -pulled[-1:, 2:]])
-    np.testing.assert_allclose(costates(pulled, mesh), expected, atol=1e-9)
-
-
 @machine_code
-def test_noise_between_neighbouring_knots_is_no_costate():
-    """A move with two motors at their speed limits: the costates of single intervals scatter."""
+def test_costates_of_neighbouring_knots_agree():
+    """A move with two motors at their speed limits, on intervals of 1e-4: the limits of every one
+    tell the costates, though their Jacobian by its knots is as large as its length is small."""
     found = searched_for(random_move("industrial", 9), 3e-6)
     fine, rows = found.solutions[-1], found.resolver.rows
-    assert np.abs(hamiltonian_on_mesh(rows, fine, 0.0) + 1).max() > 10 * MET
+    assert fine.mesh.min() < 2e-4
     assert np.abs(hamiltonian_on_mesh(rows, fine) + 1).max() < MET
 
 
