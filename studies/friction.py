@@ -76,17 +76,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--best", action="store_true", help="look for shorter plans of each move, in ten times"
     )
+    parser.add_argument(
+        "--ramp", type=positive, metavar="MS", help="from no torque to the peak at least, in both"
+    )
     add_directory(parser, "friction", "moves")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    drawn = zip_longest(*(_moves(k, arguments.moves, arguments.seed) for k in range(len(CASES))))
+    number, seed, ramp = arguments.moves, arguments.seed, arguments.ramp
+    drawn = zip_longest(*(_moves(k, number, seed, ramp) for k in range(len(CASES))))
     moves = {
         (case, index): move for together in drawn for case, index, move in filter(None, together)
     }
-    kind = "best" if arguments.best else "moves"
+    kind = ("best" if arguments.best else "moves") + (f"_{ramp:g}ms" if ramp else "")
     told = kept_rows(
-        arguments.directory / f"{kind}_{arguments.seed}.csv",
+        arguments.directory / f"{kind}_{seed}.csv",
         Measured,
         moves,
         lambda row: (row.case, row.move),
@@ -104,17 +108,20 @@ def run(arguments: argparse.Namespace) -> int:
 def _in_words(told: list[Measured], best: bool) -> str:
     ratios = [[each.spent / each.plain for each in told], [each.work for each in told]]
     shares = ["  ".join(f"{v:.1f}" for v in np.percentile(x, [50, 90, 99, 100])) for x in ratios]
-    missed = sum(not each.within for each in told)
+    missed, most = sum(not each.within for each in told), max(each.gap for each in told)
     wrong = sum(not each.verified for each in told)
     longer = sum(each.duration > (1 + each.gap) * each.best for each in told)
     known = f", {longer} longer than known" if best else ""
-    return f"{shares[0]};  {shares[1]};  {len(told)}, {missed} missed, {wrong} not verified{known}"
+    return f"{shares[0]};  {shares[1]};  {len(told)}, {missed} missed, gaps up to {most:.1g}, {wrong} not verified{known}"
 
 
-def _moves(case: int, number: int, seed: int) -> Iterator[tuple[int, int, Scene]]:
+def _moves(
+    case: int, number: int, seed: int, ramp: float | None
+) -> Iterator[tuple[int, int, Scene]]:
     name, payload, coulomb, speed = CASES[case]
     robot = _with(load_robot(PROBLEMS / "robots" / f"{name}.yaml"), coulomb, speed)
-    for index, move in enumerate(random_scenes(robot, payload, number, seed)):
+    for index, free in enumerate(random_scenes(robot, payload, number, seed)):
+        move = free if ramp is None else _with_ramp(free, ramp)
         if index == 0:  # what is compiled once is compiled now
             plan(move)
             plan(_without(move))
@@ -154,6 +161,11 @@ def _measured(case: int, index: int, move: Scene, best: bool) -> Measured:
 def _work(found: Plan) -> int:
     meshes = (mesh for mesh in found.meshes if isinstance(mesh, Iteration))
     return sum(mesh.iterations * mesh.intervals for mesh in meshes)
+
+
+def _with_ramp(move: Scene, ramp: float) -> Scene:
+    rates = tuple(1e3 * torque / ramp for torque in move.robot.torque_limits)
+    return move.model_copy(update={"limits": {"torque_rate": rates}})
 
 
 def _without(move: Scene) -> Scene:

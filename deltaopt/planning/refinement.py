@@ -194,7 +194,8 @@ class Refinement:
         last, soft = self.solutions[-1], self.solutions[-1].scaling.softening
         if not self.scaling.problem.rates_peak or soft is None or soft.least > 0:
             return False
-        unused, exceeded = self.iterations[-1].gap - last.exceeding, last.lost.exceeded @ last.mesh
+        unused = self.iterations[-1].gap - last.exceeding
+        exceeded = float((last.lost.exceeded * last.mesh).sum())
         is_small = max(unused, exceeded) < _TARGET_SHARE * self.tolerance
         return is_small and last.exceeding < _NEARLY_KEPT
 
