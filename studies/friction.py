@@ -100,19 +100,21 @@ def run(arguments: argparse.Namespace) -> int:
     print("times of a plan without Coulomb friction at 50, 90, 99 % and most: time; work; plans")
     for k, (name, _, coulomb, speed) in enumerate(CASES):
         of_case = [each for each in told if each.case == k]
-        print(f"{name}, {coulomb:g} N·m, {speed:g} rad/s: {_in_words(of_case, arguments.best)}")
-    print(f"all: {_in_words(told, arguments.best)}")
+        print(f"{name}, {coulomb:g} N·m, {speed:g} rad/s: {_in_words(of_case, arguments)}")
+    print(f"all: {_in_words(told, arguments)}")
     return 0
 
 
-def _in_words(told: list[Measured], best: bool) -> str:
+def _in_words(told: list[Measured], asked: argparse.Namespace) -> str:
     ratios = [[each.spent / each.plain for each in told], [each.work for each in told]]
     shares = ["  ".join(f"{v:.1f}" for v in np.percentile(x, [50, 90, 99, 100])) for x in ratios]
-    missed, most = sum(not each.within for each in told), max(each.gap for each in told)
+    missed = sum(not each.within for each in told)
     wrong = sum(not each.verified for each in told)
     longer = sum(each.duration > (1 + each.gap) * each.best for each in told)
-    known = f", {longer} longer than known" if best else ""
-    return f"{shares[0]};  {shares[1]};  {len(told)}, {missed} missed, gaps up to {most:.1g}, {wrong} not verified{known}"
+    known = f", {longer} longer than known" if asked.best else ""
+    gaps = f", gaps up to {max(each.gap for each in told):.1g}" if asked.ramp else ""
+    outcomes = f"{len(told)}, {missed} missed{gaps}, {wrong} not verified{known}"
+    return f"{shares[0]};  {shares[1]};  {outcomes}"
 
 
 def _moves(
