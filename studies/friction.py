@@ -77,7 +77,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--best", action="store_true", help="look for shorter plans of each move, in ten times"
     )
     parser.add_argument(
-        "--ramp", type=positive, metavar="MS", help="from no torque to the peak at least, in both"
+        "--ramp",
+        type=positive,
+        metavar="MS",
+        help="least time from no torque to the peak, of both robots (default: not limited)",
     )
     add_directory(parser, "friction", "moves")
 

@@ -185,7 +185,8 @@ class TrajectoryOptimiser:
         elif is_fastest:
             trajectory = safe(scene, trajectory, chosen.safe_factor, chosen.status)
         gap = resolved.gap if resolved else gap_of([*iterations, *later], best)
-        if is_fastest and problem.is_at_rest and not problem.may_be_slowed:  # it may be slowed yet
+        if is_fastest and problem.is_at_rest and not problem.may_be_slowed:
+            # Where tightening its limits does not converge, the last mesh's motion is slowed.
             gap = max(gap, _above_relaxed(solutions[best], solutions[best - 1]))
         if not is_fastest:  # what it has cost to keep the limits between points
             ratio = solutions[best].cost / solutions[best - 1].cost

@@ -457,6 +457,17 @@ static int begin(Problem *P, const Settings *S, const double *known) {
   return total + fabs(at_guess) < DBL_MAX;
 }
 
+/* How far rows are from their copies at most. */
+static double infeasibility(const Problem *P) {
+  V most = ALL(0.0);
+  for (int64_t i = 0; i < P->n; i++)
+    for (int j = 0; j < NG; j++) {
+      const Group *G = P->interval[i].group + j;
+      for (int r = 0; r < NC; r++) most = larger(most, absolute(G->c[r] - G->t[r]));
+    }
+  return largest(most);
+}
+
 /* Whether z is a solution: dz is Newton's step without barrier. A shifted step is the first of
    many along a valley that is nearly flat, and tells a small part of what these gain: as long
    as there are iterations, it must be as much smaller. Where the guess was a solution but for limits
@@ -465,13 +476,6 @@ static int solved(Problem *P, const Settings *S, double shift) {
   const double now = cost(P, P->z, P->run), change = fabs(cost_along(P, P->dz)) / now;
   const int is_last = P->report->iterations == S->iterations - 1;
   Report *R = P->report;
-  R->primal = 0;
-  for (int64_t i = 0; i < P->n; i++)
-    for (int j = 0; j < NG; j++) {
-      const Group *G = P->interval[i].group + j;
-      for (int r = 0; r < NC; r++)
-        R->primal = greater(R->primal, largest(absolute(G->c[r] - G->t[r])));
-    }
   for (int64_t k = 0; k < P->spheres; k++)
     R->primal = greater(R->primal, fabs(P->sphere[k].c - P->sphere[k].t));
   R->dual = (shift > 0 ? VALLEY : 1.0) * change;
@@ -511,26 +515,15 @@ static double largest_change(const Problem *P) {
   return largest(most);
 }
 
-/* How far rows are from their copies at most. */
-static double largest_infeasibility(const Problem *P) {
-  V most = ALL(0.0);
-  for (int64_t i = 0; i < P->n; i++)
-    for (int j = 0; j < NG; j++) {
-      const Group *G = P->interval[i].group + j;
-      for (int r = 0; r < NC; r++) most = larger(most, absolute(G->c[r] - G->t[r]));
-    }
-  return largest(most);
-}
-
 /* Newton's direction without barrier, shifted until it is one of descent; 0 if there is none.
    Where curvature almost vanishes it would ask for torques far beyond their limits, and end
    at the first of them; or the rows' own curvature would halve its step again and again: both
-   are cured by a shift. From a guess that exceeds limits by more than that any direction that mends
-   it changes rows so much, and a shift would only keep it from that. */
+   are cured by a shift. Where rows are farther than that from their limits, any direction that
+   mends it changes them so much, and a shift would only keep it from that. */
 static int aim(Problem *P, double *shift) {
   const double left = P->left / cost(P, P->z, P->run), most = HIGHEST * P->unit;
   const double first = SHIFT * P->unit * lesser(1.0, left / FAR_OFF);
-  const int is_far = largest_infeasibility(P) > FAR;
+  const int is_far = P->report->primal > FAR;
   if (P->halvings > 1) *shift = greater(*shift, lesser(greater(8 * *shift, first), most));
   if (P->halvings < 1) *shift = *shift > first ? *shift / 8 : 0.0;
   for (;; *shift = greater(8 * *shift, first)) {
@@ -558,6 +551,7 @@ static int iterate(Problem *P, const Settings *S) {
   for (; P->report->iterations < S->iterations; P->report->iterations++) {
     differentiate_all(P);
     P->left = complementarity(P, 0, 0);
+    P->report->primal = infeasibility(P);
     watch(P, S, shift);
     if (!aim(P, &shift)) return SINGULAR;
     if (solved(P, S, shift)) {

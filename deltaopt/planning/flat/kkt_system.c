@@ -97,15 +97,18 @@ static void fix(const Problem *P, int64_t i, Block *B, double *columns) {
   }
 }
 
+/* Add what an interval contributes by its own variables a and b <= a; bent: what A^2 counts. */
+static void add_part(const Interval *I, double bent, int a, int b, double *to) {
+  *to += I->K[a][b];
+  if (a % NM == b % NM) *to += bent * I->bending[a / NM][b / NM];
+}
+
 /* What an interval contributes to the block of the knot on this side of it. */
 static void add_block(const Problem *P, const Interval *I, int side, double shift,
                       double D[NB][NB]) {
-  const double (*bending)[2 * NR] = I->bending + NR * side, bent = shift + smoothing(P, I);
+  const double bent = shift + smoothing(P, I);
   for (int r = 0; r < NB; r++)
-    for (int s = 0; s <= r; s++) {
-      D[r][s] += I->K[NB * side + r][NB * side + s];
-      if (r % NM == s % NM) D[r][s] += bent * bending[r / NM][NR * side + s / NM];
-    }
+    for (int s = 0; s <= r; s++) add_part(I, bent, NB * side + r, NB * side + s, &D[r][s]);
 }
 
 static int at_boundary(const Problem *P, int64_t i) {
@@ -113,42 +116,36 @@ static int at_boundary(const Problem *P, int64_t i) {
   return P->interval[i].boundary[0] >= 0 || P->interval[i].boundary[1] >= 0;
 }
 
-/* From what precedes an interval, by knot i, its lower triangle D and columns of the border, to the
-   same by where knot i leads. */
-static void lead_on(const Problem *P, const Interval *I, double D[NB][NB], double *columns) {
+/* From what precedes an interval, by knot i, the lower triangle D and columns of the border, to the
+   same by where knot i leads, all of D. */
+static void lead_all_on(const Problem *P, const Interval *I, double D[NB][NB], double *columns) {
   for (int r = 0; r < NB; r++)
     for (int s = 0; s < r; s++) D[s][r] = D[r][s];
-  for (int r = 0; r < NB; r++) lead_gradient(I, D[r]);
-  for (int r = 0; r < NB; r++)
-    for (int s = 0; s < r; s++) {
-      const double above = D[s][r];
-      D[s][r] = D[r][s];
-      D[r][s] = above;
-    }
-  for (int r = 0; r < NB; r++) lead_gradient(I, D[r]);
-  for (int64_t q = 0; q < P->phases; q++) lead_gradient(I, columns + NB * q);
+  for (int s = 0; s < NB; s++) lead_on(I, D[0] + s, NB);
+  for (int r = 0; r < NB; r++) lead_on(I, D[r], 1);
+  for (int64_t q = 0; q < P->phases; q++) lead_on(I, columns + NB * q, 1);
 }
 
-/* Add the interval after knot i to its block, and couple it to the next, of which block and columns
-   begin with what precedes the interval, if that is by the deviation d: what precedes it is then a
-   form in (knot i + 1) - d. */
+/* Add the interval after knot i to its block, and couple it to the next. If the interval is by the
+   deviation d, what precedes it is a form in (knot i + 1) - d: block and columns of the next knot
+   begin with it. */
 static void add_next(Problem *P, int64_t i, double shift, Block *B, double *columns) {
   const Interval *I = P->interval + i;
   const int64_t w = P->phases * NB;
+  const double bent = shift + smoothing(P, I);
   double *next = border(P, i + 1);
   memset(B[1].D, 0, sizeof B[1].D);
   memset(next, 0, w * sizeof(double));
   if (I->by_deviation) {
-    lead_on(P, I, B->D, columns);
+    lead_all_on(P, I, B->D, columns);
     memcpy(B[1].D, B->D, sizeof B->D);
     memcpy(next, columns, w * sizeof(double));
     for (int64_t k = 0; k < w; k++) columns[k] = -columns[k];
   }
   for (int r = 0; r < NB; r++)
     for (int s = 0; s < NB; s++) {
-      B->E[r][s] = I->K[NB + r][s] - B[1].D[r][s];
-      if (r % NM == s % NM)
-        B->E[r][s] += (shift + smoothing(P, I)) * I->bending[NR + r / NM][s / NM];
+      B->E[r][s] = -B[1].D[r][s];
+      add_part(I, bent, NB + r, s, &B->E[r][s]);
     }
   add_block(P, I, 0, shift, B->D);
   add_border(P, I, 0, columns);
@@ -267,7 +264,7 @@ static void newton_step(Problem *P) {
       for (int r = 0; r < NB; r++)
         for (int k = 0; k < NB; k++) x[r] -= B[-1].E[r][k] * x[k - NB];
     if (i < P->n && P->interval[i].by_deviation) {
-      lead_gradient(P->interval + i, x);
+      lead_on(P->interval + i, x, 1);
       for (int r = 0; r < NB; r++) {
         x[NB + r] += x[r];
         x[r] = -x[r];

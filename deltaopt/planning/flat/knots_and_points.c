@@ -47,7 +47,9 @@ static void hermite(V s, V thirds, V W[4][6]) {
 #endif
 
 /* t^k / k!: of derivative d + k in derivative d a time t later. */
-static V taylor(V t, int k) { return k < 0 ? ALL(0.0) : k == 0 ? ALL(1.0) : k == 1 ? t : 0.5 * t * t; }
+static V taylor(V t, int k) {
+  return k < 0 ? ALL(0.0) : k == 0 ? ALL(1.0) : k == 1 ? t : 0.5 * t * t;
+}
 
 /* From W, by both knots of [0, 1], to the same by knot i + 1 and its deviation d from where knot i
    leads: X_i = where (knot i + 1 - d) was 1 earlier. */
@@ -60,7 +62,7 @@ static void by_deviation(V s, V W[NR + 1][2 * NR], V form[NR + 1][2 * NR]) {
     }
 }
 
-/* The same at the points of an interval of any length: each derivative by time divides by it. */
+/* From [0, 1] to an interval of length e: each derivative by time divides by it. */
 static void lengthen(double e, V W[NR + 1][2 * NR]) {
   const double power[] = {1, e, e * e, e * e * e};
   for (int d = 0; d <= NR; d++)
@@ -70,7 +72,9 @@ static void lengthen(double e, V W[NR + 1][2 * NR]) {
     }
 }
 
+/* The weights at the points of an interval. */
 static void set_weights(const Problem *P, Interval *I) {
+  for (int k = 0; k < NR; k++) I->back[k] = taylor(ALL(-I->length), k)[0];
   for (int g = 0; g < NG; g++) {
     Group *G = I->group + g;
     V s, thirds, weights;
@@ -86,18 +90,19 @@ static void set_weights(const Problem *P, Interval *I) {
   }
 }
 
-/* From a gradient by knot i to one by knot i + 1, as far as that leads back to knot i. */
-static void lead_gradient(const Interval *I, double *g) {
+/* From a gradient by knot i, numbers a stride apart, to one by where knot i leads. */
+static void lead_on(const Interval *I, double *g, int stride) {
   for (int k = 0; k < NM; k++)
     for (int a = NR - 1; a > 0; a--)
-      for (int b = 0; b < a; b++) g[NM * a + k] += taylor(ALL(-I->length), a - b)[0] * g[NM * b + k];
+      for (int b = 0; b < a; b++)
+        g[stride * (NM * a + k)] += I->back[a - b] * g[stride * (NM * b + k)];
 }
 
-/* What a knot was before an interval without deviation. */
+/* From where knot i leads to knot i. */
 static void lead_back(const Interval *I, double *x) {
   for (int k = 0; k < NM; k++)
     for (int b = 0; b < NR; b++)
-      for (int a = b + 1; a < NR; a++) x[NM * b + k] += taylor(ALL(-I->length), a - b)[0] * x[NM * a + k];
+      for (int a = b + 1; a < NR; a++) x[NM * b + k] += I->back[a - b] * x[NM * a + k];
 }
 
 /* What A^2 weighs at each point of an interval. Where smooth motions are sought it weighs less in

@@ -30,8 +30,8 @@
 
    Jerk is 1 / length^3 times differences of positions, and K the square of that: elimination of
    positions from knot to knot would leave the difference of two numbers that are larger than it by
-   the sixth power of the lengths of two intervals, and no digits where one is short. So inside of
-   phases K is by knot i + 1 and by how far that deviates from where knot i leads with constant A
+   the sixth power of how many times one interval is longer than another, and no digits where one is
+   short. So inside of phases K is by knot i + 1 and by how far that deviates from where knot i leads with constant A
    (NR = 2: constant V): what is left then are the sums of what the motion itself costs.
 
    Where nothing but the speed of one motor decides how long a motion takes, many motions are as
@@ -158,7 +158,7 @@ typedef struct {
   double K[NK + 1][WIDE + 4];    /* curvature by both knots and T, the lower triangle */
   double bending[2 * NR][2 * NR]; /* its part of the integral of A^2, as a form in the knots */
   int by_deviation;              /* K and bending are by the deviation in place of knot i */
-  double length;
+  double length, back[NR];       /* back[k]: (-length)^k / k!, of what was a length earlier */
   const double *own;             /* NO: its own parameters */
   int64_t phase;
   int64_t boundary[2];           /* where its knots are boundaries, else -1 */

@@ -25,7 +25,7 @@ _SOLVER_SHARE, _FINEST = 1e-2, 1e-8
 """Relative tolerance to which these solves meet rows, as a share of the plan's, and the smallest. A
 finer one takes more iterations, a coarser one costs more margin."""
 _OF_RATES = 0.1
-"""The same share where rates of torques peak: to a hundredth of it the method hardly converges."""
+"""The same share where rates of torques peak: with a hundredth the method hardly converges."""
 _DEAR = 10.0
 """What tightening limits costs, as a fraction of the cost per share of them, above which they are
 met to a smaller share: of motions that are hardly slower than the fastest."""

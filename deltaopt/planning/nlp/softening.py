@@ -99,7 +99,7 @@ class Softening:
         is not within its tolerance."""
         if problem.rates_peak:
             least = _LESS_SOFT * self.least
-            return Softening(least if least > _least(problem) / _LEAST else 0.0, covers=True)
+            return Softening(least if least > _own_width(problem) else 0.0, covers=True)
         if lost <= _COSTLY * tolerance:
             return replace(self, covers=True)
         least = self.least * max(_FALL, _WANTED * tolerance / lost)
@@ -148,7 +148,12 @@ def _softened(speeds: Array, width: float, widths: Array) -> tuple[Array, Array,
 
 def _least(problem: Problem) -> float:
     """The least width that is covered, rad/s."""
-    return _LEAST * min(speed for speed, _ in problem.model.layers)
+    return _LEAST * _own_width(problem)
+
+
+def _own_width(problem: Problem) -> float:
+    """Over how many rad/s the sharpest friction changes its sign."""
+    return min(speed for speed, _ in problem.model.layers)
 
 
 def _speeds(motion: Trajectory, fractions: Array = _SAMPLES) -> Array:
