@@ -187,7 +187,7 @@ static void compute(const Call *c, double *worst) {
   Mesh mesh = {size[0], size[1], size[2], size[3], size[4], size[5],
                number[0], number[1], number[2], number[3], number[4], number[5], number[6],
                array[0], array[1], array[2], array[3], array[4], array[5], array[6], array[7],
-               array[8], array[9], rows, results, 0};
+               array[8], array[9], rows, results};
   const double status = (double)on_mesh(&mesh);
   compare(&status, c->array[12], 1, worst);
   if (status == 0) compare(results, c->array[13], c->count[13], worst);
@@ -319,15 +319,15 @@ def recorded(programs: dict[str, Program]) -> Iterator[None]:
         sizes: tuple[int, ...],
         numbers: tuple[float, ...],
         given: Sequence[Array | None],
-    ) -> tuple[int, Array, float]:
-        status, results, seconds = mesh(code, function, sizes, numbers, given)
+    ) -> tuple[int, Array]:
+        status, results = mesh(code, function, sizes, numbers, given)
         arrays = [np.array(sizes, dtype=np.int64), np.array(numbers)]
         arrays += [np.zeros(0) if a is None else np.ascontiguousarray(a) for a in given]
         arrays += [np.array([float(status)]), results]
         for own_parts in (False, True):
             name = "mesh of a path" + (", parts of memory apart" if own_parts else "")
             _add(programs, _mesh_text(function, own_parts=own_parts), name, arrays)
-        return status, results, seconds
+        return status, results
 
     with (
         patch.object(CompiledMethod, "run", run_recorded),

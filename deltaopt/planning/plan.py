@@ -27,25 +27,13 @@ from deltaopt.scene.scene import Scene
 
 
 @dataclass(frozen=True)
-class Spent:
-    """Wall time in s: ``evaluation`` of constraint rows and their derivatives, and ``algebra``, the
-    linear systems (with Ipopt all the rest)."""
-
-    evaluation: float
-    algebra: float
-
-    def __add__(self, other: Spent) -> Spent:
-        return Spent(self.evaluation + other.evaluation, self.algebra + other.algebra)
-
-
-@dataclass(frozen=True)
 class Iteration:
     """The record of one mesh.
 
     ``iterations``: of the solver. ``duration``: of its solution, s. ``safe_duration``: of the same
     motion slowed until it keeps every limit, s. ``gap``: estimated relative excess of the safe
-    duration over the shortest possible, or of the cost over the least. ``spent``: seconds.
-    ``cost``: in ``unit``, where that is not the duration.
+    duration over the shortest possible, or of the cost over the least. ``cost``: in ``unit``,
+    where that is not the duration.
     """
 
     intervals: int
@@ -53,7 +41,6 @@ class Iteration:
     duration: float
     safe_duration: float
     gap: float
-    spent: Spent
     cost: float | None = None
     unit: str = "s"
 
@@ -69,14 +56,12 @@ class Iteration:
 @dataclass(frozen=True)
 class PathIteration:
     """The record of one mesh of a path: ``duration``, s; estimated ``loss``, of the duration;
-    largest ``excess`` of a limit between nodes, of the limit; seconds ``spent`` on rows and on
-    sweeps."""
+    largest ``excess`` of a limit between nodes, of the limit."""
 
     intervals: int
     duration: float
     loss: float
     excess: float
-    spent: Spent
 
     def __str__(self) -> str:
         return (

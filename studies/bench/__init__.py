@@ -1,6 +1,6 @@
 """Measure plans on this machine: how fast they are, and how many succeed.
 
-bench plan ROBOT...    how long plans take, and where the time goes
+bench plan ROBOT...    how long plans take, dense checks included
 bench any ROBOT...     plan and verify random moves: how many succeed
 bench any              the same for robots of all kinds, up to the edge of what is possible
 bench peers ROBOT...   plans beside those of TOPP-RA, Ruckig and rockit, where installed
@@ -108,7 +108,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _plan(arguments: argparse.Namespace) -> int:
-    """Measure how long plans take, dense checks included, and where the time goes."""
+    """Measure how long plans take, dense checks included."""
     from studies.bench.plan_timing import plan_report, timed_plans
 
     good, number = True, arguments.number

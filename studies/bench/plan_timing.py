@@ -23,9 +23,7 @@ left of theirs does not matter, and still a few hundredths of a second each."""
 
 @dataclass(frozen=True)
 class Timed:
-    """A plan and the seconds it took: ``wall`` on the clock, ``processor`` of this thread;
-    ``evaluation`` and ``algebra`` are the parts of ``wall`` for constraint rows with their
-    derivatives and for linear systems.
+    """A plan and the seconds it took: ``wall`` on the clock, ``processor`` of this thread.
 
     ``gap``: estimated. ``true_gap``: against a finer plan, NaN if there is none. ``ok``: whether
     the plan passes verification and is within its tolerance.
@@ -33,8 +31,6 @@ class Timed:
 
     wall: float
     processor: float
-    evaluation: float
-    algebra: float
     gap: float
     true_gap: float = np.nan
     ok: bool = False
@@ -75,11 +71,9 @@ def _timed(planner: Planner, scene: Scene) -> tuple[Timed, Plan | None]:
         plan = planner.plan(scene.start, scene.goal)
     except NO_PLAN:
         spent = perf_counter() - wall, thread_time() - processor
-        return Timed(*spent, np.nan, np.nan, np.nan), None
+        return Timed(*spent, np.nan), None
     wall, processor = perf_counter() - wall, thread_time() - processor
-    evaluation = sum(r.spent.evaluation for r in plan.meshes)
-    algebra = sum(r.spent.algebra for r in plan.meshes)
-    return Timed(wall, processor, evaluation, algebra, plan.gap), plan
+    return Timed(wall, processor, plan.gap), plan
 
 
 def _checked(timed: Timed, plan: Plan | None, reference: Planner | None) -> Timed:
@@ -108,16 +102,9 @@ def plan_report(name: str, results: list[Timed]) -> str:
         return f"{1e3 * np.nanmedian(values):.2f} / {1e3 * np.nanpercentile(values, 99):.2f} ms"
 
     true = [r.true_gap for r in results if np.isfinite(r.true_gap)]
-    share = (
-        np.nanmedian([r.evaluation / r.wall for r in results]),
-        np.nanmedian([r.algebra / r.wall for r in results]),
-    )
     lines = [
         f"{name}: {sum(r.ok for r in results)} of {len(results)} verified and within tolerance",
         f"  median / 99 %: clock {both(lambda r: r.wall)}, processor {both(lambda r: r.processor)}",
-        f"  evaluation {both(lambda r: r.evaluation)}, linear systems {both(lambda r: r.algebra)}",
-        f"  shares of the clock: evaluation {share[0]:.0%}, linear systems {share[1]:.0%}, "
-        f"Python, steps and dense checks {1 - share[0] - share[1]:.0%}",
         f"  estimated gap: median {np.nanmedian([r.gap for r in results]):.1e}, "
         f"largest {np.nanmax([r.gap for r in results]):.1e}",
     ]

@@ -213,7 +213,7 @@ class _Solver:
             *solved_as,
             "" if is_safe else "leaves the workspace, or no slowing keeps its limits",
             solution.seconds,
-            solution.spent.evaluation,
+            solution.evaluation_seconds,
             solution.iterations,
             len(solution.z),
             int(solved.program.jacobian.nnz_out(1)),

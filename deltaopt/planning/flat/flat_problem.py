@@ -285,7 +285,6 @@ class FlatProblem:
             self._of_intervals(multipliers, scaling) / found.cost,
             found.status,
             found.iterations,
-            found.spent,
             all_at_points=True,
             left=float(found.left + smaller_spheres / found.cost),
             widths=np.concatenate([phase.own for phase in found.phases]).repeat(

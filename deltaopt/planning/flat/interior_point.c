@@ -191,7 +191,7 @@ static void begin_spheres(Problem *P, const double *z) {
 }
 
 static double merit(Problem *P, double step) {
-  const double *dz = P->dz, begin = seconds();
+  const double *dz = P->dz;
   for (int64_t i = 0; i < size(P); i++) P->trial[i] = P->z[i] + step * dz[i];
   double total = cost(P, P->trial, 0.0) + unevenness(P, P->trial, NULL);
   begin_spheres(P, P->trial);
@@ -206,8 +206,6 @@ static double merit(Problem *P, double step) {
   }
   total += merit_of_spheres(P, step);
   if (NL) total += P->given->cost[1] * P->next_run;
-  P->report->evaluations++;
-  P->report->evaluating += seconds() - begin;
   return total;
 }
 
@@ -494,12 +492,10 @@ static void measure_unevenness(Problem *P, const Settings *S, double shift) {
 }
 
 static void differentiate_all(Problem *P) {
-  const double begin = seconds();
   memset(P->slope, 0, NL * size(P) * sizeof(double));
   for (int64_t i = 0; i < P->n; i++) curvature(P, i);
   for (int64_t k = 0; k < P->spheres; k++) set_slope(P->sphere + k, P->z);
   if (NL) reduce_gradient(P, P->slope);
-  P->report->evaluating += seconds() - begin;
 }
 
 /* The largest change of a row that the direction asks for, towards a limit that it has. */

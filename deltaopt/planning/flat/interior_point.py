@@ -28,7 +28,6 @@ from deltaopt.codegen.simd_c import LANES
 from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.planning.flat.method_source import source
 from deltaopt.planning.flat.point_problem import PointProblem
-from deltaopt.planning.plan import Spent
 
 STATUS = (
     "Solve_Succeeded",
@@ -153,7 +152,6 @@ class InteriorPointSolution:
     left: float
     status: str
     iterations: int
-    spent: Spent
 
     @property
     def solved(self) -> bool:
@@ -179,11 +177,7 @@ class _Report(ctypes.Structure):
         ("complementarity", ctypes.c_double),
         ("dual", ctypes.c_double),
         ("primal", ctypes.c_double),
-        ("evaluating", ctypes.c_double),
-        ("solving", ctypes.c_double),
         ("iterations", ctypes.c_int64),
-        ("factorisations", ctypes.c_int64),
-        ("evaluations", ctypes.c_int64),
     )
 
 
@@ -269,7 +263,6 @@ class CompiledMethod:
             report.dual,
             STATUS[status],
             report.iterations,
-            Spent(report.evaluating, report.solving),
         )
 
     def run(

@@ -196,7 +196,8 @@ static void eliminate_corner(Problem *P, const double *columns) {
         P->corner[P->phases * v + w] -= columns[NB * v + k] * columns[NB * w + k];
 }
 
-static int factorise_once(Problem *P, double shift) {
+/* Factorise the curvature plus a shift times A^2; 0 where it is not positive definite. */
+static int factorise(Problem *P, double shift) {
   assemble_corner(P, shift);
   memset(P->block[P->first].D, 0, sizeof P->block->D);
   memset(border(P, P->first), 0, P->phases * NB * sizeof(double));
@@ -221,15 +222,6 @@ static int factorise_once(Problem *P, double shift) {
   return factorise_corner(P);
 }
 
-/* Factorise the curvature plus a shift times A^2; 0 where it is not positive definite. */
-static int factorise(Problem *P, double shift) {
-  const double begin = seconds();
-  const int done = factorise_once(P, shift);
-  P->report->solving += seconds() - begin;
-  P->report->factorisations++;
-  return done;
-}
-
 /* Factorise with the first shift from this one on that gives a direction of descent; 0 if
    none does. */
 static int factorise_shifted(Problem *P, double *shift, double first) {
@@ -252,7 +244,6 @@ static void keep_sum(const Problem *P, double *rest) {
 
 /* dz from the gradient g. */
 static void newton_step(Problem *P) {
-  const double begin = seconds();
   double *dz = P->dz, *rest = P->rest, *dT = durations(P, dz);
   for (int64_t i = 0; i < size(P); i++) dz[i] = -P->g[i];
   for (int64_t q = 0; q < P->phases; q++) rest[q] = dT[q];
@@ -291,5 +282,4 @@ static void newton_step(Problem *P) {
     lead_back(P->interval + i, x);
   }
   move_positions(P, dz);
-  P->report->solving += seconds() - begin;
 }

@@ -74,7 +74,6 @@
 #include <float.h>
 #include <stdint.h>
 #include <string.h>
-#include <time.h>
 
 #define SHORT 0.02 /* a step of which share of a direction says little about its rest */
 #define AT_LIMIT 0.9999999 /* of a limit: a given state is as good as at it */
@@ -112,8 +111,7 @@ enum { TRACED = 4 };
 
 typedef struct {
   double cost, complementarity, dual, primal; /* what is compared with the tolerance */
-  double evaluating, solving;            /* seconds: rows and derivatives; linear systems */
-  int64_t iterations, factorisations, evaluations;
+  int64_t iterations;
 } Report;
 
 /* The problem. n is the number of intervals of all phases together. */
@@ -201,12 +199,6 @@ typedef struct {
   int halvings; /* of the last step */
   Report *report;
 } Problem;
-
-static double seconds(void) {
-  struct timespec now;
-  clock_gettime(CLOCK_MONOTONIC, &now);
-  return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
-}
 
 static double sum(V a) { return (a[0] + a[1]) + (a[2] + a[3]); }
 /* The sums of four vectors. */

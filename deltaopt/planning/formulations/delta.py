@@ -144,7 +144,6 @@ class DeltaProblem:
             multipliers,
             found.status,
             found.iterations,
-            found.spent,
             all_at_points=multipliers.shape[1] == len(self.points),
             coordinates=q if closure is not None and closure.drifts else None,
         )

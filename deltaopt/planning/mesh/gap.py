@@ -52,7 +52,6 @@ def iteration_of(solutions: list[MeshSolution]) -> Iteration:
         gap=last.exceeding
         + SAFETY_FACTOR
         * (correction * (to_be_gained - last.lost_to_friction) + last.lost_to_friction),
-        spent=last.solution.spent,
         cost=last.cost if last.problem.objective.running else None,
         unit=last.problem.objective.unit,
     )

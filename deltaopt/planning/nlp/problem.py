@@ -12,7 +12,6 @@ from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.limits.running_cost import Running
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.nlp.scaling import Scaling
-from deltaopt.planning.plan import Spent
 
 IPOPT_FINEST = 300
 """Number of intervals of the finest mesh that is solved by Ipopt: every refinement multiplies its
@@ -121,7 +120,6 @@ class Solved:
     multipliers: Array
     status: str
     iterations: int
-    spent: Spent
     all_at_points: bool = False
     coordinates: PiecewisePolynomial | None = None
     left: float = 0.0

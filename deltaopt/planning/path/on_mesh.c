@@ -4,7 +4,6 @@
    The rows are a compiled function of x, p', p'', (speed, u) at many places (``vectorised.py``). */
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 enum { INSIDE = 3 };
 
@@ -26,7 +25,6 @@ typedef struct {
   Rows evaluate;
   double *results;           /* b (cells + 1), u (cells, 2), then of cells durations, losses,
                                 stops; then excess of rows (cells, INSIDE, rows) */
-  double seconds;            /* of the sweep */
 } Mesh;
 
 /* Arrays of the evaluation at n places. */
@@ -97,12 +95,6 @@ static void take_tangents(const Mesh *m, const Places *ends, Tangents *t) {
   if (!(t->largest > 0)) t->largest = 1;
   for (int64_t i = 0; i < n * all; i++)
     t->alpha[i] /= t->largest, t->beta[i] *= t->length / t->largest;
-}
-
-static double seconds_now(void) {
-  struct timespec now;
-  timespec_get(&now, TIME_UTC);
-  return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }
 
 /* Durations of all cells and whether the motion stops in them; see ``MeshMotion``. */
@@ -188,10 +180,9 @@ static int64_t swept_on(Mesh *m, double *memory) {
   }
   if (!evaluated(m, &ends, 2 * n)) return NO_NUMBERS;
   take_tangents(m, &ends, &t);
-  const double unit = t.length / t.largest, begin = seconds_now();
+  const double unit = t.length / t.largest;
   const int64_t status = sweep(n, all, m->convex, h, t.alpha, t.beta, t.low, t.high, m->start / unit,
                                m->goal / unit, m->most, b, u, of_sweep);
-  m->seconds = seconds_now() - begin;
   if (status) return status;
   for (int64_t i = 0; i <= n; i++) b[i] *= unit;
   for (int64_t i = 0; i < 2 * n; i++) u[i] /= t.largest;

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import log
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -27,7 +26,6 @@ from deltaopt.planning.path.path_mesh import (
 )
 from deltaopt.planning.path.path_rows import RESTING, AffineRows, PathRows, State, kept_rows
 from deltaopt.planning.path.sweep import FASTEST, Speeds, Unattainable, compiled, swept
-from deltaopt.planning.plan import Spent
 
 INSIDE = np.array([0.2, 0.5, 0.8])
 """Fractions of a cell where rows are looked at between its ends."""
@@ -53,8 +51,7 @@ class OnMesh:
 
     ``tangency``, ``tighter``: as ``fastest_on_mesh`` was given them. ``beyond``: by how much rows
     are exceeded inside of cells, (N, places, rows), negative within bounds. ``losses``: relative
-    losses of time in each cell, (N,), infinite where the motion stops. ``spent``: s on rows and
-    sweep.
+    losses of time in each cell, (N,), infinite where the motion stops.
     """
 
     motion: MeshMotion
@@ -62,7 +59,6 @@ class OnMesh:
     tighter: Array | None
     beyond: Array
     losses: Array
-    spent: Spent
 
 
 def fastest_on_mesh(
@@ -81,7 +77,6 @@ def fastest_on_mesh(
     code = None if rows.function.address is None else compiled()
     if code is None:
         return by_arrays(rows, mesh, tangency, ends, tighter)
-    begin = perf_counter()
     n, curve = len(mesh.nodes) - 1, mesh.path.stacked
     others = rows.others(mesh.ends, tangency.halfway) if len(rows.curved) else None
     more = None if others is None else np.stack(list(vars(others).values()))
@@ -90,7 +85,7 @@ def fastest_on_mesh(
     numbers = *ends, FASTEST, SERIES, STOPPING, LONGEST, RESTING
     arrays = [mesh.path.knots, curve, mesh.nodes, *tangency.last, more, tighter, rows.bounds]
     arrays += [INSIDE, rows.parameters]
-    status, results, seconds = run(code, rows.function, sizes, numbers, arrays)
+    status, results = run(code, rows.function, sizes, numbers, arrays)
     if status == _NO_NUMBERS:
         by_arrays(rows, mesh, tangency, ends, tighter)  # says what is the matter
     if status == _NO_MEMORY:
@@ -100,9 +95,8 @@ def fastest_on_mesh(
     squares, rest = results[: n + 1], results[n + 1 :]
     durations, losses, stops = rest[2 * n : 5 * n].reshape(3, n)
     motion = MeshMotion(mesh, Speeds(squares, rest[: 2 * n].reshape(n, 2)), durations, stops != 0)
-    spent = Spent(perf_counter() - begin - seconds, seconds)
     beyond = rest[5 * n :].reshape(n, len(INSIDE), -1)
-    return OnMesh(motion, tangency, tighter, beyond, losses, spent)
+    return OnMesh(motion, tangency, tighter, beyond, losses)
 
 
 def by_arrays(
@@ -113,15 +107,11 @@ def by_arrays(
     tighter: Array | None = None,
 ) -> OnMesh:
     """``fastest_on_mesh`` without ``on_mesh.c``."""
-    begin = perf_counter()
     tangents = tangents_on(rows, mesh, tangency, tighter)
-    before = perf_counter()
     motion = MeshMotion.of(mesh, swept(mesh.h, tangents, *ends, convex=rows.are_convex))
-    after = perf_counter()
     b, u = motion.at(INSIDE)
     beyond = rows.beyond(mesh.places(INSIDE), b.ravel(), u.ravel()).reshape(*b.shape, -1)
-    spent = Spent(perf_counter() - after + before - begin, after - before)
-    return OnMesh(motion, tangency, tighter, beyond, _losses(motion, beyond), spent)
+    return OnMesh(motion, tangency, tighter, beyond, _losses(motion, beyond))
 
 
 def tangents_on(
@@ -152,7 +142,6 @@ class _Mesh(ctypes.Structure):
         *((name, ctypes.c_void_p) for name in ("knots", "curve", "nodes", "b", "u")),
         *((name, ctypes.c_void_p) for name in ("more", "tighter", "sides", "inside")),
         *((name, ctypes.c_void_p) for name in ("parameters", "evaluate", "results")),
-        ("seconds", ctypes.c_double),
     )
 
 
@@ -162,8 +151,8 @@ def run(
     sizes: tuple[int, ...],
     numbers: tuple[float, ...],
     arrays: Sequence[Array | None],
-) -> tuple[int, Array, float]:
-    """What the compiled function returns, its results and s of the sweep.
+) -> tuple[int, Array]:
+    """What the compiled function returns, and its results.
 
     ``function``: the rows. ``sizes``, ``numbers``, ``arrays``: as in ``Mesh`` of ``on_mesh.c``;
     some arrays may be absent.
@@ -172,9 +161,8 @@ def run(
     results = np.empty(1 + (6 + len(INSIDE) * rows) * cells)
     given = [None if a is None else np.ascontiguousarray(a) for a in arrays]
     addresses = (None if a is None else a.ctypes.data for a in given)
-    call = _Mesh(*sizes, *numbers, *addresses, function.address, results.ctypes.data, 0.0)
-    status = code.on_mesh(ctypes.byref(call))
-    return status, results, call.seconds
+    call = _Mesh(*sizes, *numbers, *addresses, function.address, results.ctypes.data)
+    return code.on_mesh(ctypes.byref(call)), results
 
 
 @dataclass(frozen=True, eq=False)

