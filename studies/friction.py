@@ -21,7 +21,6 @@ import numpy as np
 from deltaopt import Plan, Scene, load_robot, plan, verify
 from deltaopt.cli.arguments import positive
 from deltaopt.files.progress_bar import ProgressBar
-from deltaopt.planning.plan import Iteration
 from deltaopt.robot.drive import Friction
 from deltaopt.robot.robot import Robot
 from studies.bench.random_scenes import random_scenes
@@ -164,8 +163,7 @@ def _measured(case: int, index: int, move: Scene, best: bool) -> Measured:
 
 
 def _work(found: Plan) -> int:
-    meshes = (mesh for mesh in found.meshes if isinstance(mesh, Iteration))
-    return sum(mesh.iterations * mesh.intervals for mesh in meshes)
+    return sum(mesh.iterations * mesh.intervals for mesh in found.meshes)
 
 
 def _with_ramp(move: Scene, ramp: float) -> Scene:

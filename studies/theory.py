@@ -17,7 +17,6 @@ import numpy as np
 import deltaopt
 from deltaopt.curves.piecewise import Array
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.plan import Iteration
 from studies.problems import PICK_AND_PLACE, add_directory
 
 HELP = "draw how a plan is found: bang-bang torques, meshes, slowing, gaps"
@@ -57,7 +56,6 @@ def run(arguments: argparse.Namespace) -> int:
     coarse, fine = (deltaopt.plan(scene, tolerance=each) for each in (_COARSE, _FINE))
     plans = [deltaopt.plan(scene, tolerance=each) for each in arguments.tolerances]
     last = coarse.meshes[-1]
-    assert isinstance(last, Iteration)  # no path is given
     slowing = last.safe_duration / last.duration
     as_solved, drawn = coarse.trajectory.slowed(1 / slowing), coarse.trajectory
     found = Facts(

@@ -54,23 +54,6 @@ class Iteration:
 
 
 @dataclass(frozen=True)
-class PathIteration:
-    """The record of one mesh of a path: ``duration``, s; estimated ``loss``, of the duration;
-    largest ``excess`` of a limit between nodes, of the limit."""
-
-    intervals: int
-    duration: float
-    loss: float
-    excess: float
-
-    def __str__(self) -> str:
-        return (
-            f"{self.intervals} intervals: {self.duration:.6f} s, known to {self.loss:.1e}, limits "
-            f"exceeded by {max(self.excess, 0.0):.1e} between points"
-        )
-
-
-@dataclass(frozen=True)
 class Optimum:
     """A local minimum that a plan from several first guesses found.
 
@@ -103,10 +86,11 @@ class Plan:
     (of its duration, unless the objective is another) over the least possible;
     ``planning.mesh.gap`` says how it is estimated.
     ``tolerance``: the gap that was asked for. ``intervals``: of the last mesh. ``meshes``: a record
-    of every mesh that was solved. ``status``, ``iterations``: of the solver, the latter summed over
-    all meshes. ``solve_seconds``: wall time of planning, s. ``resolved``: whether the instants of
-    switching were found as unknowns of their own. ``certificate``: how well Pontryagin's
-    necessary condition is met, by the multipliers of that solution; None if they are not known.
+    of every mesh that was solved; empty on a given path. ``status``, ``iterations``: of the
+    solver, the latter summed over all meshes. ``solve_seconds``: wall time of planning, s.
+    ``resolved``: whether the instants of switching were found as unknowns of their own.
+    ``certificate``: how well Pontryagin's necessary condition is met, by the multipliers of that
+    solution; None if they are not known.
     ``optima``: the distinct local minima that several first guesses led to, best first; empty
     where one was enough.
     ``ways``: the ways past keep-out bodies that were found, first the one that is taken.
@@ -137,7 +121,7 @@ class Plan:
     gap: float
     tolerance: float
     solve_seconds: float = field(default=0.0, compare=False)
-    meshes: tuple[Iteration, ...] | tuple[PathIteration, ...] = field(default=(), compare=False)
+    meshes: tuple[Iteration, ...] = field(default=(), compare=False)
     certificate: Certificate | None = field(default=None, compare=False)
     resolved: bool = False
     optima: tuple[Optimum, ...] = field(default=(), compare=False)

@@ -88,10 +88,9 @@ def fastest_on_path(scene: Scene, tolerance: float, report: Progress) -> Plan:
         transcription="quintic in time on the path",
         intervals=len(trajectory.knots) - 1,
         status="Swept",
-        iterations=len(timing.iterations),
+        iterations=timing.meshes,
         gap=gap,
         tolerance=tolerance,
-        meshes=tuple(timing.iterations),
         multipliers=PathMultipliers(limits, timing.rows, on_mesh, timing.ends),
     )
 

@@ -18,7 +18,6 @@ from deltaopt.planning.path.on_mesh import OnMesh, Tangency, fastest_on_mesh
 from deltaopt.planning.path.path_mesh import MeshMotion, PathMesh
 from deltaopt.planning.path.path_rows import PathRows
 from deltaopt.planning.path.sweep import Unattainable
-from deltaopt.planning.plan import PathIteration
 
 _FIRST, _EVEN = (24, 96, 384), 40
 """Cells of the first mesh, of others where it has no motion, and of the second, which are of equal
@@ -49,14 +48,14 @@ class PathTiming:
     """Times the path of rows as fast as they allow, between given ṡ² at its ``ends``.
 
     ``tolerance``: relative gap of the duration. ``report``: is called with a line of text after
-    every mesh. ``iterations``: of the meshes so far.
+    every mesh. ``meshes``: how many were solved so far.
     """
 
     rows: PathRows
     ends: tuple[float, float]
     tolerance: float
     report: Callable[[str], None]
-    iterations: list[PathIteration] = field(default_factory=list, init=False)
+    meshes: int = field(default=0, init=False)
 
     def fastest(self, share: float, margin: float | None = None) -> tuple[OnMesh, float]:
         """The fastest motion, on a mesh whose loss is a ``share`` of the tolerance before limits
@@ -147,10 +146,12 @@ class PathTiming:
             found = fastest_on_mesh(self.rows, mesh, tangency, self.ends, tighter)
         except Unattainable as error:
             raise Infeasible(self._obstacle(mesh, error.node)) from None
-        motion, loss, excess = found.motion, float(found.losses.sum()), float(found.beyond.max())
-        done = PathIteration(len(motion.mesh.h), motion.duration, loss, excess)
-        self.iterations.append(done)
-        self.report(str(done))
+        self.meshes += 1
+        self.report(
+            f"{len(mesh.h)} intervals: {found.motion.duration:.6f} s, known to "
+            f"{found.losses.sum():.1e}, limits exceeded by {max(found.beyond.max(), 0.0):.1e} "
+            "between points"
+        )
         return found
 
     def _usual_speed(self, mesh: PathMesh) -> tuple[Array, Array]:
