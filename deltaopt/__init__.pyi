@@ -4,7 +4,6 @@ a name when it is first used. Those of ``deltaopt.research`` are not among ``__a
 from deltaopt.designs.design import design as design
 from deltaopt.errors import (
     DeltaOptError as DeltaOptError,
-    DependentConstraints as DependentConstraints,
     EndMoves as EndMoves,
     Inexpressible as Inexpressible,
     Infeasible as Infeasible,

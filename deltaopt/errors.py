@@ -223,15 +223,6 @@ class EndMoves(DeltaOptError):
     """
 
 
-class DependentConstraints(DeltaOptError):
-    """Some constraints of a mechanism follow from others, so that multipliers are not unique.
-
-    Examples:
-        >>> issubclass(deltaopt.DependentConstraints, deltaopt.DeltaOptError)
-        True
-    """
-
-
 RULED_OUT = (Unreachable, Singular, Infeasible)
 """What rules a motion out: where it leads, or a limit."""
 ENDS_AN_ATTEMPT = (NotConverged, Unreachable, Singular)

@@ -258,13 +258,9 @@ class CollocationProblem:
         return self.variables.continuity(places)
 
     def pack(self, position: PiecewisePolynomial, ends: BoundaryValues) -> Array:
-        """The variables that approximate a motion of ξ (m, rad and s) on this mesh.
-
-        Torques are clipped to their limits. Raises DependentConstraints if loop constraints
-        follow from others.
-        """
+        """The variables that approximate a motion of ξ (m, rad and s) on this mesh; torques are
+        clipped to their limits."""
         system, v = self.equations.system, self.variables
-        system.require_independent_constraints(ends)
         units, T = units_at(system, ends.p), float(position.knots[-1])
 
         def at(function: ca.Function, fractions: Array) -> tuple[Array, ...]:

@@ -16,7 +16,6 @@ from deltaopt.curves.piecewise import Array, Index, Truths
 from deltaopt.dynamics.constraint_matrix import ClosedForm
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX, Mechanism
-from deltaopt.errors import DependentConstraints
 
 
 @dataclass(frozen=True)
@@ -162,20 +161,6 @@ class ScaledMechanism:
         """The coordinates q, (n,), for the independent ones ξ, (ν,)."""
         q = self.kinematics(xi, p[self.scales.numel() :])
         return np.asarray(q.full()).ravel()
-
-    def require_independent_constraints(self, task: BoundaryValues) -> None:
-        """Raise DependentConstraints if loop constraints follow from others at the start."""
-        m = self.mechanism
-        J = ca.Function("J", [m.time, m.q, self.p], [m.J])
-        rows = np.asarray(J(0, self.coordinates(task.start, task.p), task.p))
-        ranks = [np.linalg.matrix_rank(rows[:n], rtol=1e-9) for n in range(1, len(rows) + 1)]
-        dependent = 1 + np.flatnonzero(np.diff(ranks, prepend=0) == 0)
-        if len(dependent):
-            names = ", ".join(map(str, dependent))
-            raise DependentConstraints(
-                f"{m.name}: loop constraint {names} of {self.constraints} follows from the others "
-                "at the start; leave it out"
-            )
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import pytest
 import deltaopt
 from deltaopt.compare.plans.measures import quality
 from deltaopt.dynamics import Multiplier
-from deltaopt.errors import DependentConstraints, NotConverged
+from deltaopt.errors import NotConverged
 from deltaopt.planning.formulations.choice import Redundant
 from deltaopt.planning.formulations.equations import (
     explicit_equations,
@@ -207,19 +207,6 @@ def test_no_active_row_depends_on_others(formulation, closure):
     problem, solution, _ = solved("pick_and_place", formulation, closure)
     rows, rank = active_rank(problem, solution, case("pick_and_place").task)
     assert rank == rows
-
-
-def test_a_duplicated_loop_constraint_is_named():
-    c = case("pick_and_place")
-    m = c.system.mechanism
-    doubled = replace(m, holonomic=ca.vertcat(m.holonomic, m.holonomic[3] + 0))
-    units = replace(c.system.units, closure=ca.vertcat(c.system.units.closure, 1))
-    system = replace(c.system, mechanism=doubled, units=units)
-    problem = multiplier_equations(system, AccelerationLevel()).on(
-        np.full(4, 0.25), PiecewiseAcceleration()
-    )
-    with pytest.raises(DependentConstraints, match="loop constraint 10 of 10 follows"):
-        problem.pack(c.guess, c.task)
 
 
 def test_not_converged_names_constraint_and_time(monkeypatch):
