@@ -215,9 +215,8 @@ class Constraints:
     @property
     def holds_between_payloads(self) -> bool:
         """Whether a motion that keeps all limits with two payloads is known to keep them with every
-        payload between: torques are affine in its mass, so that limits must be convex in them."""
-        convex = self._of_rows([limit.convex_in_torque for limit in self.limits], np.bool)
-        return bool((self._affine_in_torque | (convex & ~self.sides[:, 0])).all())
+        payload between: torques are affine in its mass, and so must be limits in them."""
+        return bool(self._affine_in_torque.all())
 
     @cached_property
     def slowing_exponents(self) -> Index:

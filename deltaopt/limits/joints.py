@@ -86,14 +86,14 @@ class WithLeastPayload(Limit):
     """A limit that depends on the torques, for the least payload of a range.
 
     The rows of the limit itself are for the largest. Along a given motion torques are affine in the
-    payload's mass: what keeps a limit that is convex in them at both ends of the range keeps it for
+    payload's mass: what keeps a limit that is affine in them at both ends of the range keeps it for
     every mass between. The first number of each item is the width of the range, kg.
     """
 
     limit: Limit
 
     def __post_init__(self) -> None:
-        kept = ("unit", "subject", "order", "powers", "robot_key", "promised", "convex_in_torque")
+        kept = ("unit", "subject", "order", "powers", "robot_key", "promised")
         for name in kept:
             object.__setattr__(self, name, getattr(self.limit, name))
         object.__setattr__(self, "name", f"{self.limit.name} with the least payload")

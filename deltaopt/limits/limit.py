@@ -184,8 +184,7 @@ class Limit:
     it instead of ``measure``. ``slid_along``: whether it is one of position along which the best
     motion may slide, not touch it at an instant alone, so that room that a mesh leaves there costs
     time. ``has_ridges``: whether the size of its rows may be largest at a kink, where the nearest
-    of some places changes. ``convex_in_torque``: whether its measure is a convex function of the
-    torques, and has an upper bound alone, where it is not affine in them.
+    of some places changes.
     """
 
     name: str
@@ -199,7 +198,6 @@ class Limit:
     own_measure: OwnMeasure | None = None
     slid_along: bool = False
     has_ridges: bool = False
-    convex_in_torque: bool = False
 
     def __eq__(self, other: object) -> bool:
         return type(other) is type(self)

@@ -75,7 +75,6 @@ class LeastTorque(Added):
     """|τ| from below, which is kept at two masses and not between, where τ changes its sign."""
 
     name = "least torque"
-    convex_in_torque = True
 
     def bounds(self, numbers):
         return Bounds.at_least(numbers[0], 1.0)
