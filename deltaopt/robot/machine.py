@@ -12,8 +12,10 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Self
 
+import casadi as ca
 from numpy.typing import ArrayLike
 from pydantic import model_validator
 
@@ -217,11 +219,12 @@ class Model(ABC):
         """What a lower bound on durations follows from; None where something may act without
         bound, or is not known: then there is no bound."""
 
-    @property
+    @cached_property
     def layers(self) -> tuple[tuple[float, float], ...]:
         """Of each part of the actuators' forces that changes its sign within a moment, as Coulomb
-        friction does, the numbers of ``Functions.layers``; none unless stated."""
-        return ()
+        friction does, the numbers of ``Functions.layers``."""
+        found = self.functions.layers(ca.SX(self.parameters))
+        return tuple((float(speed), float(strength)) for speed, strength in found)
 
     @abstractmethod
     def with_multipliers(self) -> Model:

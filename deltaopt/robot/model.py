@@ -163,13 +163,6 @@ class DeltaModel(Model):
         """None where a term of the model may act without bound, or moves what is not known."""
         return delta_energies(self.functions.mechanism, self.numbers)
 
-    @property
-    def layers(self) -> tuple[tuple[float, float], ...]:
-        """Of friction that changes its sign the speed of arms within ± of which it does, rad/s, and
-        how much it is, N·m."""
-        found = (load.layer() for load in self.numbers.loads)
-        return tuple((float(speed), float(most)) for speed, most in filter(None, found))
-
     def with_multipliers(self) -> DeltaModel:
         """This robot and payload by eq. (37), model L_I."""
         return DeltaModel(self.robot, self.payload, Multiplier())
