@@ -49,19 +49,29 @@ class Multiplier:
 
     def inverse_dynamics(self, mechanism: Mechanism) -> ca.Function:
         """(t, q, q̇, q̈, p) -> τ, λ: n × n in both at once."""
-        m = mechanism
-        A, b = affine(self.equations(m), ca.vertcat(m.controls, m.lam))
-        system = ca.Function("system", [*state(m), m.ddq, m.parameters], [A, b])
-        x = symbols(*state(m), m.ddq, m.parameters)
-        tau, lam = ca.vertsplit(self.solver(*system(*x)), [0, m.controls.numel(), A.shape[1]])
-        return ca.Function("inverse_dynamics", x, [tau, lam])
+        return self._solved("inverse_dynamics", mechanism, *self.inverse_system(mechanism))
 
     def forward_dynamics(self, mechanism: Mechanism) -> ca.Function:
         """(t, q, q̇, τ, p) -> q̈, λ: n + γ in both at once, with J q̈ + J̇ q̇ + μ̇ = 0."""
+        return self._solved("forward_dynamics", mechanism, *self.forward_system(mechanism))
+
+    def inverse_system(self, mechanism: Mechanism) -> tuple[list[SX], SX, SX]:
+        """Inputs, A and b of the linear system for τ and λ."""
+        m = mechanism
+        A, b = affine(self.equations(m), ca.vertcat(m.controls, m.lam))
+        return [*state(m), m.ddq, m.parameters], A, b
+
+    def forward_system(self, mechanism: Mechanism) -> tuple[list[SX], SX, SX]:
+        """Inputs, A and b of the linear system for q̈ and λ."""
         m = mechanism
         equations = ca.vertcat(self.equations(m), m.J @ m.ddq + m.J_bias)
         A, b = affine(equations, ca.vertcat(m.ddq, m.lam))
-        system = ca.Function("system", [*state(m), m.controls, m.parameters], [A, b])
-        x = symbols(*state(m), m.controls, m.parameters)
-        ddq, lam = ca.vertsplit(self.solver(*system(*x)), [0, m.ddq.numel(), A.shape[1]])
-        return ca.Function("forward_dynamics", x, [ddq, lam])
+        return [*state(m), m.controls, m.parameters], A, b
+
+    def _solved(
+        self, name: str, mechanism: Mechanism, inputs: list[SX], A: SX, b: SX
+    ) -> ca.Function:
+        x, unknowns = symbols(*inputs), A.shape[1]
+        solution = self.solver(*ca.Function("system", inputs, [A, b])(*x))
+        sought = unknowns - mechanism.lam.numel()
+        return ca.Function(name, x, ca.vertsplit(solution, [0, sought, unknowns]))

@@ -22,7 +22,7 @@ from deltaopt.dynamics.constraint_matrix import (
     NullSpace,
     Partition,
 )
-from deltaopt.dynamics.formulation import Formulation, affine, state
+from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.kane import Kane
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.linear import solve_scalars
@@ -71,23 +71,10 @@ class Task:
         return sought
 
 
-def _torques_and_multipliers(m: Mechanism) -> tuple[list[SX], SX, SX]:
-    """The system for τ and λ, n × n."""
-    A, b = affine(Multiplier().equations(m), ca.vertcat(m.controls, m.lam))
-    return [*state(m), m.ddq, m.parameters], A, b
-
-
-def _accelerations_and_multipliers(m: Mechanism) -> tuple[list[SX], SX, SX]:
-    """The system for q̈ and λ, of n + γ equations."""
-    equations = ca.vertcat(Multiplier().equations(m), m.J @ m.ddq + m.J_bias)
-    A, b = affine(equations, ca.vertcat(m.ddq, m.lam))
-    return [*state(m), m.controls, m.parameters], A, b
-
-
 INVERSE = Task(
     "inverse",
     lambda formulation, mechanism: formulation.inverse_dynamics(mechanism),
-    _torques_and_multipliers,
+    Multiplier().inverse_system,
     given="ddq",
     sought="tau",
 )
@@ -95,7 +82,7 @@ INVERSE = Task(
 FORWARD = Task(
     "forward",
     lambda formulation, mechanism: formulation.forward_dynamics(mechanism),
-    _accelerations_and_multipliers,
+    Multiplier().forward_system,
     given="tau",
     sought="ddq",
 )
