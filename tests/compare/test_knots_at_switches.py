@@ -71,7 +71,7 @@ def continued(scene, formulation, regularisation=None):
         if regularisation is not None:
             problem = replace(problem, regularisation=regularisation)
         z, bounds = problem.pack(guess, c.task), problem.bounds(c.task)
-        solution = problem.program_with(options).solve(z, *bounds, c.task.p)
+        solution = problem.program(options).solve(z, *bounds, c.task.p)
         guess = independent(c, problem, problem.unpack(solution.z, c.task))
         lost = c.lost(guess, problem.multipliers(solution))
         mesh = at_switches(mesh, c.by_order(guess), lost, 1e-4)

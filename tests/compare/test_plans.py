@@ -18,6 +18,7 @@ from deltaopt.dynamics.consistency import Residuals
 from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_kinematics
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.formulations.collocation import FAR
 from deltaopt.planning.formulations.equations import flat_equations
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.plots.plans import draw
@@ -98,6 +99,6 @@ def test_compiled_and_interpreted_functions_give_the_same_solution():
     for e in (equations, interpreted(equations)):
         problem = e.on(np.full(6, 1 / 6), PiecewiseAcceleration())
         guess = problem.pack(c.guess, c.task)
-        solution = problem.program.solve(guess, *problem.bounds(c.task), c.task.p)
+        solution = problem.program(FAR).solve(guess, *problem.bounds(c.task), c.task.p)
         durations.append(solution.z[-1])
     assert durations[0] == pytest.approx(durations[1], rel=1e-9)

@@ -138,13 +138,8 @@ class CollocationProblem:
             e.closure.unknowns(e.system) if e.closure else 0,
         )
 
-    @cached_property
-    def program(self) -> Program:
-        """The nonlinear program, with the options for a guess that is not a solution."""
-        return self.program_with(FAR)
-
-    def program_with(self, options: Options, ends: BoundaryValues | None = None) -> Program:
-        """The nonlinear program with other options of Ipopt, for ``ends`` that may move.
+    def program(self, options: Options, ends: BoundaryValues | None = None) -> Program:
+        """The nonlinear program with these options of Ipopt, for ``ends`` that may move.
 
         A cost that contains effort is strictly convex in the torques and needs no regularisation.
         """

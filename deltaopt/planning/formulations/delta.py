@@ -132,7 +132,7 @@ class DeltaProblem:
         z = collocation.pack(guess.trajectory.position, ends)
         # Long waits of least effort move too far from their guess for the options of a near one.
         options = NEAR if guess.near and not collocation.cost.running else FAR
-        program = collocation.program_with(options, ends)
+        program = collocation.program(options, ends)
         N = len(self.mesh)
         bounds = collocation.bounds(ends, scaling.shares(N))
         row_shares = collocation.row_shares(program, lambda at: scaling.shares_at(N, at))

@@ -14,6 +14,7 @@ from deltaopt.compare.plans.measures import quality
 from deltaopt.dynamics import Multiplier
 from deltaopt.errors import NotConverged
 from deltaopt.planning.formulations.choice import Redundant
+from deltaopt.planning.formulations.collocation import FAR
 from deltaopt.planning.formulations.equations import (
     explicit_equations,
     flat_equations,
@@ -60,7 +61,7 @@ def solved(scene, formulation, closure=None, intervals=10):
         np.full(intervals, 1 / intervals), PiecewiseAcceleration()
     )
     guess = problem.pack(case(scene).guess, task)
-    solution = problem.program.solve(guess, *problem.bounds(task), task.p)
+    solution = problem.program(FAR).solve(guess, *problem.bounds(task), task.p)
     return problem, solution, quality(case(scene), problem, solution.z)
 
 
@@ -104,7 +105,7 @@ def test_the_flat_formulation_is_that_of_the_planner():
     problem = equations("pick_and_place", "flat").on(mesh, PiecewiseAcceleration())
     problem = replace(problem, regularisation=0.0)
     z = problem.pack(c.guess, c.task)
-    solution = problem.program.solve(z, *problem.bounds(c.task), c.task.p)
+    solution = problem.program(FAR).solve(z, *problem.bounds(c.task), c.task.p)
     duration = problem.unpack(solution.z, c.task).knots[-1]
     assert planners.position.knots[-1] == pytest.approx(duration, rel=1e-6)
 
@@ -153,7 +154,7 @@ def least_effort(formulation, closure, degree, intervals):
         np.full(intervals, 1 / intervals), PiecewiseAcceleration(degree, ()), effort
     )
     start = problem.pack(guess, task)
-    solution = problem.program.solve(start, *problem.bounds(task), task.p)
+    solution = problem.program(FAR).solve(start, *problem.bounds(task), task.p)
     tau = problem.variables.algebraic(solution.z)[:, :, :3]
     measured = quality(replace(c, task=task), problem, solution.z)
     per_interval = np.einsum("j,njk->n", problem.transcription.quadrature, tau**2)
@@ -192,8 +193,9 @@ def test_drift_falls_with_the_order(degree):
 def active_rank(problem, solution, task):
     """How many rows of the Jacobian hold with equality at a solution, and their rank, which is
     smaller if rows depend on each other. Variables that a bound holds do not count."""
-    _, J = problem.program.jacobian(solution.z, task.p)
-    lower, upper = problem.program.rows
+    program = problem.program(FAR)
+    _, J = program.jacobian(solution.z, task.p)
+    lower, upper = program.rows
     least, most = problem.bounds(task)
     free = (least < most) & ~(np.abs(solution.bound_multipliers) > 1e-4)
     active = (lower == upper) | (np.abs(solution.row_multipliers) > 1e-4)
@@ -221,4 +223,4 @@ def test_not_converged_names_constraint_and_time(monkeypatch):
         r" (a knot|acceleration level), constraint( and its rate, row)?) \d+ at [\d.]+% of "
     )
     with pytest.raises(NotConverged, match=named):
-        problem.program.solve(guess, *problem.bounds(task), task.p)
+        problem.program(FAR).solve(guess, *problem.bounds(task), task.p)
