@@ -30,7 +30,7 @@ from deltaopt.planning.formulations.loop_closure import (
     Projection,
 )
 from deltaopt.planning.mesh.error_estimate import ErrorEstimate
-from deltaopt.planning.nlp.program import IpoptSolution, Program
+from deltaopt.planning.nlp.program import IpoptSolution
 from deltaopt.planning.nlp.transcription import LINEAR, QUADRATIC, PiecewiseAcceleration
 from deltaopt.planning.switching.detection import detect_structure
 
@@ -100,8 +100,6 @@ class Row:
     evaluation_seconds: float = inf
     iterations: int = 0
     variables: int = 0
-    jacobian_nonzeros: int = 0
-    hessian_nonzeros: int = 0
     quality: Quality = field(default_factory=Quality)
     gap: float = inf
 
@@ -159,7 +157,6 @@ class _Solved:
     """A solution on a mesh, its motion of ξ, and what it gives away."""
 
     problem: CollocationProblem
-    program: Program
     solution: IpoptSolution
     motion: PiecewisePolynomial
     lost: ErrorEstimate
@@ -180,7 +177,7 @@ class _Solver:
         solution = program.solve(problem.pack(guess, task), *problem.bounds(task), task.p)
         motion = independent(self.case, problem, problem.unpack(solution.z, task))
         lost = self.case.lost(motion, problem.multipliers(solution))
-        return _Solved(problem, program, solution, motion, lost)
+        return _Solved(problem, solution, motion, lost)
 
     def rows(self, reference: Reference, uniform: Sequence[int], refinements: int) -> list[Row]:
         """Solve on uniform meshes from the straight line, then on meshes with knots where this
@@ -216,8 +213,6 @@ class _Solver:
             solution.evaluation_seconds,
             solution.iterations,
             len(solution.z),
-            int(solved.program.jacobian.nnz_out(1)),
-            int(solved.program.hessian.nnz_out(0)),
             measured,
             measured.safe_duration / reference.duration - 1,
         )

@@ -100,13 +100,11 @@ class Program:
     ``cost``: the vector c, (n,). ``linear``: layout of the rows G z = 0. ``points``: the nonlinear
     rows. ``options``: of Ipopt, where they differ from ``IPOPT``. ``running``: a running cost.
 
-    ``jacobian``: (z, p) -> all rows and their Jacobian. ``hessian``: (z, p, λ_f, λ_g) -> the upper
-    triangle of the Hessian of the Lagrangian. A program is solved by one thread at a time, since
-    its solver remembers the last call; every plan builds its own.
+    ``jacobian``: (z, p) -> all rows and their Jacobian. A program is solved by one thread at a
+    time, since its solver remembers the last call; every plan builds its own.
     """
 
     jacobian: ca.Function
-    hessian: ca.Function
 
     def __init__(
         self,
@@ -198,7 +196,7 @@ class Program:
             "jac_g": ca.Function("nlp_jac_g", [z, p], [g, jac]),
             "hess_lag": ca.Function("nlp_hess_l", [z, p, lam_f, lam_g], [hess]),
         }
-        self.jacobian, self.hessian = functions["jac_g"], functions["hess_lag"]
+        self.jacobian = functions["jac_g"]
         return ca.nlpsol("nlp", "ipopt", program, {**functions, **IPOPT, **options})
 
     def _failure(self, stats: dict[str, object], g: Array) -> str:
