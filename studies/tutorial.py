@@ -15,7 +15,8 @@ import numpy as np
 import deltaopt
 from deltaopt.curves.piecewise import Array
 from deltaopt.files.validated_record import per_motor
-from deltaopt.motion.running_cost import effort
+from deltaopt.limits.running_cost import Running
+from deltaopt.motion.running_cost import running_cost
 from deltaopt.output.joint_table import (
     CUBIC,
     QUINTIC,
@@ -91,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
     duty = deltaopt.verify(scene, plan.trajectory).duty
     draw(directory / "tutorial_plan.png", scene, plan.trajectory, straight_lines(scene), duty)
 
-    efforts = {0.0: effort(problem_of(scene), plan.trajectory)}
+    efforts = {0.0: running_cost(problem_of(scene), plan.trajectory, Running.EFFORT)}
     for share in arguments.extra:
         objective = deltaopt.Effort(duration=(1 + share) * plan.duration)
         efforts[share] = deltaopt.plan(scene.model_copy(update={"objective": objective})).cost

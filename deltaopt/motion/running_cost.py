@@ -100,11 +100,6 @@ def torque_rates(model: Model, motion: tuple[Array, Array, Array, Array], step: 
     return np.asarray((after - before) / (2 * step))
 
 
-def effort(problem: Problem, trajectory: Trajectory) -> float:
-    """The effort ∫ τᵀτ dt of a motion, N²m²s."""
-    return running_cost(problem, trajectory, Running.EFFORT)
-
-
 def cost(problem: Problem, trajectory: Trajectory) -> float:
     """The value of a problem's objective for a motion, in the objective's unit."""
     least = problem.objective

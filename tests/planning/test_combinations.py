@@ -8,7 +8,8 @@ from __future__ import annotations
 import pytest
 
 from deltaopt import Effort, SceneError, load_scene, plan, verify
-from deltaopt.motion.running_cost import effort
+from deltaopt.limits.running_cost import Running
+from deltaopt.motion.running_cost import running_cost
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.moving_ends import end_in
 from deltaopt.scene.scene import Scene
@@ -176,7 +177,7 @@ def test_effort_beside(beside):
     assert found.duration == pytest.approx(0.3, rel=1e-12)
     if scene.task.is_at_rest:
         slowed = fastest.trajectory.slowed(0.3 / fastest.duration)
-        assert found.cost < effort(problem_of(scene), slowed)
+        assert found.cost < running_cost(problem_of(scene), slowed, Running.EFFORT)
 
 
 @pytest.mark.parametrize(("pair", "times"), [(("via", "belt"), 3.0), (("bodies", "via"), 1.02)])

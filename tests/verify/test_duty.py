@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt.motion.running_cost import effort
+from deltaopt.limits.running_cost import Running
+from deltaopt.motion.running_cost import running_cost
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.in_words import duty_table, table
 from deltaopt.planning.first_motions.initial_motion import baseline
@@ -117,7 +118,7 @@ def test_the_squares_of_rms_torques_are_the_effort(motion):
     scene, trajectory = motion
     squares = sum(each.rms_torque**2 for each in measured(scene, trajectory).motors)
     assert squares * trajectory.duration == pytest.approx(
-        effort(problem_of(scene), trajectory), rel=1e-10
+        running_cost(problem_of(scene), trajectory, Running.EFFORT), rel=1e-10
     )
 
 
