@@ -28,7 +28,7 @@ import platformdirs
 from deltaopt.codegen.c_compiler import EXTRA, Compiler, compilers
 from deltaopt.codegen.library_file import intact, put
 from deltaopt.codegen.long_functions import in_parts
-from deltaopt.codegen.prebuilt import FOLDER, carried, level_of
+from deltaopt.codegen.prebuilt import carried, level_here
 from deltaopt.files.output_folder import locked
 
 CACHE = "DELTAOPT_CACHE"
@@ -206,7 +206,7 @@ _TRIAL = "int deltaopt_works(void) { return 1; }\n"
 def describe(source: str = _TRIAL) -> str:
     """A phrase that says how the library of a C source is had on this machine, without compiling
     it, and how what a scene adds is."""
-    level = level_of(FOLDER) if carried(source) else None
+    level = level_here() if carried(source) else None
     came = f"from the wheel ({level.name})" if level else ""
     try:
         folder = _kept(_TRIAL).parent

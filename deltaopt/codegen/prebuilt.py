@@ -13,7 +13,7 @@ import os
 import tempfile
 from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 
 from deltaopt.codegen.c_compiler import BASELINE, FLAGS, LEVELS, Compiler, Level
@@ -42,17 +42,17 @@ __asm__(".symver pow,pow@GLIBC_2.2.5");
 
 def carried(source: str) -> Path | None:
     """The library of a C source that was built with the wheel; None if there is none."""
-    level = level_of(FOLDER)
+    level = level_here()
     if level is None:
         return None
     library = _library(FOLDER, level, source)
     return library if intact(library) else None
 
 
-@lru_cache(maxsize=8)
-def level_of(folder: Path) -> Level | None:
-    """The fastest level in a folder whose libraries this processor can run."""
-    return next((level for level in LEVELS if _runs(folder / level.name / f"{_PROBE}.so")), None)
+@cache
+def level_here() -> Level | None:
+    """The fastest level in the wheel whose libraries this processor can run."""
+    return next((level for level in LEVELS if _runs(FOLDER / level.name / f"{_PROBE}.so")), None)
 
 
 def _runs(probe: Path) -> bool:

@@ -16,7 +16,7 @@ from deltaopt.codegen import compile as compiling
 from deltaopt.codegen import prebuilt
 from deltaopt.codegen.c_compiler import BASELINE, LEVELS, Compiler, Level, compiler
 from deltaopt.codegen.compile import CACHE, describe, library, recording
-from deltaopt.codegen.prebuilt import carried, level_of, prebuild
+from deltaopt.codegen.prebuilt import carried, level_here, prebuild
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.errors import DeltaOptError
 
@@ -28,18 +28,22 @@ pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
 
 @pytest.fixture
-def wheel(tmp_path, monkeypatch):
+def folder(tmp_path, monkeypatch):
+    """Where a wheel would have its libraries; there are none yet."""
+    monkeypatch.setattr(prebuilt, "FOLDER", tmp_path / "prebuilt")
+    level_here.cache_clear()
+    yield tmp_path / "prebuilt"
+    level_here.cache_clear()
+
+
+@pytest.fixture
+def wheel(folder, tmp_path, monkeypatch):
     """The folder of a wheel that carries one library, and no compiler and no cache beside it."""
-    folder = tmp_path / "prebuilt"
     prebuild([SOURCE], folder, compiler())
-    monkeypatch.setattr(prebuilt, "FOLDER", folder)
-    monkeypatch.setattr(compiling, "FOLDER", folder)
     monkeypatch.setattr(compiling, "compilers", list)
     monkeypatch.setattr(compiling, "_SAID", set())
     monkeypatch.setenv(CACHE, str(tmp_path / "cache"))
-    level_of.cache_clear()
-    yield folder
-    level_of.cache_clear()
+    return folder
 
 
 def answer(path: Path, x: float) -> float:
@@ -51,7 +55,7 @@ def answer(path: Path, x: float) -> float:
 def test_the_wheels_library_is_used_without_a_compiler(wheel):
     assert answer(library(SOURCE), 2.0) == np.log(2.0)
     assert library(SOURCE).is_relative_to(wheel)
-    assert describe(SOURCE).startswith(f"from the wheel ({level_of(wheel).name}); what else")
+    assert describe(SOURCE).startswith(f"from the wheel ({level_here().name}); what else")
 
 
 def test_another_source_is_not_found(wheel, caplog):
@@ -67,20 +71,19 @@ def test_a_damaged_library_of_the_wheel_is_not_loaded(wheel, content):
     assert carried(SOURCE) is None
 
 
-def test_the_fastest_level_that_runs_here_is_taken(tmp_path, monkeypatch):
+def test_the_fastest_level_that_runs_here_is_taken(folder, monkeypatch):
     none_has = Level("newest", (), ("avx5124fmaps",) if len(LEVELS) > 1 else ())
     monkeypatch.setattr(prebuilt, "LEVELS", (none_has, BASELINE))
-    prebuild([SOURCE], tmp_path, compiler())
+    prebuild([SOURCE], folder, compiler())
     if len(LEVELS) > 1:
-        assert level_of(tmp_path) == BASELINE
-    for folder in tmp_path.iterdir():
-        for probe in folder.glob("runs_here.*"):
-            probe.unlink()
-    level_of.cache_clear()
-    assert level_of(tmp_path) is None
+        assert level_here() == BASELINE
+    for probe in folder.glob("*/runs_here.*"):
+        probe.unlink()
+    level_here.cache_clear()
+    assert level_here() is None
 
 
-def test_numbers_are_those_of_code_compiled_here(tmp_path, monkeypatch):
+def test_numbers_are_those_of_code_compiled_here(folder, monkeypatch):
     """At every level; a product and a sum may be rounded together or one after the other."""
     x, p = ca.SX.sym("x", 3), ca.SX.sym("p")
     r = ca.vertcat(ca.dot(x, x) * p, ca.sin(x[0]) / x[1], ca.sqrt(ca.sumsqr(x)))
@@ -89,17 +92,16 @@ def test_numbers_are_those_of_code_compiled_here(tmp_path, monkeypatch):
     (expected,) = RowFunction(function)(points, parameters=numbers)
     with recording() as asked:
         RowFunction(function)(points, parameters=numbers)
-    prebuild(asked, tmp_path, compiler())
-    monkeypatch.setattr(prebuilt, "FOLDER", tmp_path)
+    prebuild(asked, folder, compiler())
     monkeypatch.setattr(compiling, "compilers", list)
-    for level in LEVELS[LEVELS.index(level_of(tmp_path)) :]:
+    level_here.cache_clear()
+    for level in LEVELS[LEVELS.index(level_here()) :]:
         monkeypatch.setattr(prebuilt, "LEVELS", (level,))
-        level_of.cache_clear()
+        level_here.cache_clear()
         carries = RowFunction(function)
         (found,) = carries(points, parameters=numbers)
         assert carries._code is not None
         np.testing.assert_allclose(found, expected, rtol=8 * np.finfo(float).eps)
-    level_of.cache_clear()
 
 
 def test_a_compiler_that_fails_is_an_error(tmp_path):
