@@ -187,6 +187,7 @@ def test_the_interpreter_is_said_once(caplog, monkeypatch):
 @needs_compiler
 def test_a_damaged_library_that_cannot_be_compiled_again_is_not_loaded(caplog, monkeypatch):
     kept = library(SOURCE)
+    kept.unlink()  # this process has it loaded, as above
     kept.write_bytes(b"not a library")
     monkeypatch.setattr(Compiler, "compile", lambda *_, **__: False)
     assert library(SOURCE) is None

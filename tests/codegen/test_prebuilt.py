@@ -67,7 +67,9 @@ def test_another_source_is_not_found(wheel, caplog):
 
 @pytest.mark.parametrize("content", [b"", b"not a library"])
 def test_a_damaged_library_of_the_wheel_is_not_loaded(wheel, content):
-    carried(SOURCE).write_bytes(content)
+    kept = carried(SOURCE)
+    kept.unlink()  # this process has it loaded, and would read what is not there any more
+    kept.write_bytes(content)
     assert carried(SOURCE) is None
 
 
