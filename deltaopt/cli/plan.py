@@ -25,6 +25,7 @@ from __future__ import annotations
 import argparse
 import logging
 from collections.abc import Callable, Sequence
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,6 @@ from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.errors import DeltaOptError, SceneError
 from deltaopt.files.output_folder import require_writable
 from deltaopt.files.yaml_file import place_of
-from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.cycle_files import (
     content_of_cycle,
@@ -59,7 +59,7 @@ from deltaopt.output.cycle_files import (
     told_of_cycle,
     verified,
 )
-from deltaopt.output.facts import Facts, StraightLine
+from deltaopt.output.facts import facts
 from deltaopt.output.in_words import details, surprises, told, verdict
 from deltaopt.output.plan_files import MOST_ROWS, RATE, highest_rate, summary
 from deltaopt.planning.comparisons import beside_free_path
@@ -76,7 +76,7 @@ from deltaopt.planning.formulations.loop_closure import (
 )
 from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt, Solver
 from deltaopt.planning.nlp.transcription import TRANSCRIPTIONS
-from deltaopt.planning.plan import Plan
+from deltaopt.planning.plan import Plan, plan_as_it_is
 from deltaopt.planning.planner import Planner, plan
 from deltaopt.report.folders import Drawn, save, save_cycle
 from deltaopt.scene.cycle import Cycle, there_and_back
@@ -84,7 +84,6 @@ from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import has_cycle, load_cycle, load_scene
 from deltaopt.sensitivity.sensitivity import Sensitivity, for_machines, told_of_sensitivity
-from deltaopt.verify.verification import verify
 
 FORMULATIONS: dict[str, Callable[[LoopClosure], ProblemFormulation]] = {
     "flat": lambda closure: Flat(),
@@ -272,20 +271,20 @@ def _plan(
     exit code."""
     check_feasible(scene)
     require_writable(directory)
-    trajectory, found = _solve(scene, formulation, arguments)
-    _require_rows(trajectory, arguments.rate)
-    facts = Facts(scene, trajectory, found, verify(scene, trajectory))
+    found = _solve(scene, formulation, arguments)
+    _require_rows(found.trajectory, arguments.rate)
+    known = facts(found)
     before = present(directory)
-    files = save(directory, facts, arguments.rate, _drawn(arguments))
+    files = save(directory, known, arguments.rate, _drawn(arguments))
     if arguments.json:
-        printed = {"scene": str(file), **summary(facts), "files": list(map(str, files))}
+        printed = {"scene": str(file), **summary(known), "files": list(map(str, files))}
         print_json(printed | for_machines(_sensitivities(found, arguments)))
     else:
-        more = details(facts) if arguments.details else surprises(facts)
-        print(*told(facts), *more, sep="\n", flush=True)
+        more = details(known) if arguments.details else surprises(known)
+        print(*told(known), *more, sep="\n", flush=True)
         print_written(files, before)
         _print_sensitivities(found, arguments)
-    return say_failures(facts.verification.failures())
+    return say_failures(known.verification.failures())
 
 
 def _plan_cycle(file: Path, directory: Path, cycle: Cycle, arguments: argparse.Namespace) -> int:
@@ -314,18 +313,12 @@ def _drawn(arguments: argparse.Namespace) -> Drawn:
     return Drawn(not arguments.no_plot, arguments.plot_limits, arguments.report)
 
 
-def _sensitivities(
-    found: Plan | CyclePlan | StraightLine, arguments: argparse.Namespace
-) -> Sequence[Sensitivity]:
+def _sensitivities(found: Plan | CyclePlan, arguments: argparse.Namespace) -> Sequence[Sensitivity]:
     """How the duration depends on every number, where that is asked for."""
-    if not arguments.sensitivity or isinstance(found, StraightLine):
-        return ()
-    return tuple(found.sensitivity())
+    return tuple(found.sensitivity()) if arguments.sensitivity else ()
 
 
-def _print_sensitivities(
-    found: Plan | CyclePlan | StraightLine, arguments: argparse.Namespace
-) -> None:
+def _print_sensitivities(found: Plan | CyclePlan, arguments: argparse.Namespace) -> None:
     """Print them in words, where they are asked for."""
     if arguments.sensitivity:
         print(*told_of_sensitivity(_sensitivities(found, arguments)), sep="\n")
@@ -370,11 +363,9 @@ def _require_rows(trajectory: Trajectory, rate: float) -> None:
         )
 
 
-def _solve(
-    scene: Scene, formulation: ProblemFormulation, arguments: argparse.Namespace
-) -> tuple[Trajectory, Plan | StraightLine]:
+def _solve(scene: Scene, formulation: ProblemFormulation, arguments: argparse.Namespace) -> Plan:
     if arguments.baseline:
-        return baseline(scene), StraightLine(lower_bound(scene))
+        return plan_as_it_is(scene, baseline(scene), inf, None, "straight line", "closed form")
     with told_meanwhile(arguments.verbose > 0) as progress:
         found = plan(
             scene,
@@ -384,8 +375,7 @@ def _solve(
             solver=SOLVERS.get(arguments.solver),
             progress=progress,
         )
-    found = beside_free_path(found)
-    return found.trajectory, found
+    return beside_free_path(found)
 
 
 def _given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:

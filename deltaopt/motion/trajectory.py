@@ -244,7 +244,10 @@ def passes(problem: Problem, trajectory: Trajectory) -> Array:
 
 def phase_durations(problem: Problem, trajectory: Trajectory) -> tuple[float, ...]:
     """Durations of the phases of a motion, s: from each given point to the next, which are its
-    start, via points or where an approach ends upwards, and its goal."""
+    start, via points or where an approach ends upwards, and its goal. None of a motion with fewer
+    intervals."""
+    if len(trajectory.knots) <= len(problem.gates) + 1:
+        return ()
     begin, end = trajectory.knots[[0, -1]].tolist()
     at = [begin, *passes(problem, trajectory).tolist(), end]
     return tuple(b - a for a, b in pairwise(at))

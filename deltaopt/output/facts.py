@@ -2,51 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
 
 from deltaopt.motion.active_limits import ActiveLimit, active_limits
-from deltaopt.motion.certificate import Certificate
-from deltaopt.motion.limit_sensitivity import LimitSensitivity, limits_in_words
-from deltaopt.motion.trajectory import Trajectory
+from deltaopt.motion.limit_sensitivity import limits_in_words
 from deltaopt.planning.comparisons import straight_lines
-from deltaopt.planning.plan import Optimum, Plan, TakenWay
+from deltaopt.planning.plan import Plan
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import Task
 from deltaopt.verify.duty import Duty, exceeding
 from deltaopt.verify.verification import Verification, verify
 
 ASSUMPTION = "a part is moved and the way back takes as long; gripping and letting go take no time"
 """What the number of parts supposes."""
-
-
-@dataclass(frozen=True)
-class StraightLine:
-    """How a baseline was found: without a solver. ``lower_bound``: for every path, s."""
-
-    lower_bound: float
-    formulation: str | None = None
-    transcription: str = "straight line"
-    intervals: int = 1
-    status: str = "closed form"
-    iterations: int = 0
-    solve_seconds: float = 0.0
-    gap: float | None = None
-    tolerance: float | None = None
-    certificate: Certificate | None = None
-    resolved: ClassVar[bool] = False
-    optima: Sequence[Optimum] = ()
-    ways: Sequence[TakenWay] = ()
-    phases: Sequence[float] = ()
-    free_duration: float | None = None
-
-    @property
-    def sensitivities(self) -> Sequence[LimitSensitivity]:
-        """None: there is no optimum that they would be of."""
-        return ()
 
 
 @dataclass(frozen=True)
@@ -66,15 +35,9 @@ class MotorFact:
 
 @dataclass(frozen=True)
 class Facts:
-    """All that is told of a motion for a scene.
+    """All that is told of a plan. ``verification``: its measures."""
 
-    ``found``: how: a plan, or the straight line that it is compared with. ``verification``: its
-    measures.
-    """
-
-    scene: Scene
-    trajectory: Trajectory
-    found: Plan | StraightLine
+    plan: Plan
     verification: Verification
 
     @property
@@ -92,23 +55,23 @@ class Facts:
     @cached_property
     def active(self) -> tuple[ActiveLimit, ...]:
         """The limits that the motion is at, those of most time first."""
-        return active_limits(problem_of(self.scene), self.trajectory)
+        return active_limits(problem_of(self.plan.scene), self.plan.trajectory)
 
     @cached_property
     def limits(self) -> list[str]:
         """A sentence on each limit that matters: which motor's what, how much of the time, and what
         more of it would save."""
-        return limits_in_words(self.active, self.found.sensitivities)
+        return limits_in_words(self.active, self.plan.sensitivities)
 
     @cached_property
     def straight_lines(self) -> dict[str, float]:
         """Durations, s, of what the motion is compared with, by what they are of."""
-        return straight_lines(self.scene)
+        return straight_lines(self.plan.scene)
 
 
 def facts(plan: Plan) -> Facts:
     """The facts of a plan, which is verified now."""
-    return Facts(plan.scene, plan.trajectory, plan, verify(plan.scene, plan.trajectory))
+    return Facts(plan, verify(plan.scene, plan.trajectory))
 
 
 def motor_facts(duty: Duty) -> list[MotorFact]:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from deltaopt.motion.certificate import MET
 from deltaopt.motion.limit_sensitivity import limits_at_a_glance
-from deltaopt.output.facts import Facts, StraightLine, above_nominal, motor_facts, title, together
+from deltaopt.output.facts import Facts, above_nominal, motor_facts, title, together
 from deltaopt.planning.plan import Optimum, Plan, TakenWay
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.objective import Time
@@ -24,35 +24,35 @@ _WHOLE = 0.1
 def told(facts: Facts) -> Iterator[str]:
     """The few lines that say what a motion is worth: whether it is verified, its duration, how near
     the best it is, what it saves, what limits it."""
-    found = facts.found
-    duration = facts.trajectory.duration
+    found = facts.plan
+    duration = found.duration
     limits = limits_at_a_glance(facts.active, found.sensitivities, duration)
-    back = "" if facts.scene.moves_at_ends else " there and back"
-    yield f"{verdict(facts.verification)}: {title(facts.scene.task, duration)}{back}"
+    back = "" if found.scene.moves_at_ends else " there and back"
+    yield f"{verdict(facts.verification)}: {title(found.scene.task, duration)}{back}"
     yield from (_distance(each) for each in facts.verification.distances if each.least <= 0)
     if facts.too_warm:
         yield facts.too_warm
-    if not isinstance(found, StraightLine):
+    if found.formulation is not None:
         yield _gap(found)
         if found.searched:
             yield found.searched
-            yield _lower_bound(found.lower_bound, found.duration)
-        yield from _comparison(facts, found)
+            yield _lower_bound(found.lower_bound, duration)
+        yield from _comparison(facts)
     yield f"limited by {limits}" if limits else "no limit is reached"
 
 
 def surprises(facts: Facts) -> list[str]:
     """Lines on what nobody asked for and everybody must know; ``details`` has them too."""
     found = facts.verification
-    unmet = [] if is_optimal(found) else _optimality(found, facts.found.tolerance)
+    unmet = [] if is_optimal(found) else _optimality(found, facts.plan.tolerance)
     return [*filter(None, [above_nominal(found.duty)]), *_long(found), *unmet]
 
 
 def details(facts: Facts) -> Iterator[str]:
     """All else: other ways and optima, every measure, the duty of the motors, singularities, what
     limits each motor, the lower bound."""
-    found = facts.found
-    yield from _optima(facts.scene, found.optima)
+    found = facts.plan
+    yield from _optima(found.scene, found.optima)
     yield from _ways(found.ways)
     if found.certificate:
         where = "" if found.resolved else " on its mesh"
@@ -61,7 +61,7 @@ def details(facts: Facts) -> Iterator[str]:
         yield f"phases: {', '.join(f'{each:.6f}' for each in found.phases)} s"
     yield table(facts.verification, asked_for=found.tolerance)
     yield from ("what limits each motor:", *(f"  {sentence}" for sentence in facts.limits))
-    yield _lower_bound(found.lower_bound, facts.trajectory.duration)
+    yield _lower_bound(found.lower_bound, found.duration)
 
 
 def verdict(found: Verification | CycleVerification) -> str:
@@ -98,15 +98,16 @@ def _gap(found: Plan) -> str:
     return f"{least}at most {percent(found.gap)} {what} near it (estimated){missed}{among}"
 
 
-def _comparison(facts: Facts, found: Plan) -> Iterator[str]:
+def _comparison(facts: Facts) -> Iterator[str]:
     """Beside the free motion where the path is given, otherwise beside the quickest of the lines;
     nothing where none of them can be driven, or the objective is not time."""
-    if not isinstance(facts.scene.objective, Time):
+    found = facts.plan
+    if not isinstance(found.scene.objective, Time):
         return
     if found.free_duration is not None:
         longer = percent(found.duration / found.free_duration - 1)
         yield f"{longer} longer than on a free path: {found.free_duration:.4f} s"
-    if facts.scene.path is None and facts.straight_lines:
+    if found.scene.path is None and facts.straight_lines:
         name, other = min(facts.straight_lines.items(), key=lambda item: item[1])
         saved, name = 1 - found.duration / other, " ".join(name.split())
         than = "less than" if saved >= 0 else "more than"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Mapping
-from dataclasses import fields
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
@@ -20,10 +19,8 @@ from deltaopt.files.csv_table import write_csv
 from deltaopt.files.tables import finite
 from deltaopt.motion.limit_sensitivity import as_dicts
 from deltaopt.motion.motion_sequence import MotionSequence
-from deltaopt.motion.running_cost import cost
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.facts import Facts, StraightLine
-from deltaopt.problem.of_scene import problem_of
+from deltaopt.output.facts import Facts
 from deltaopt.settings import require_positive
 
 TABLE, RECORD = "trajectory.csv", "plan.json"
@@ -38,6 +35,21 @@ MOST_ROWS = 1_000_000
 FORMAT = 1
 """Version of plan.json as ``plan.schema.json`` describes it: another one where a key changes its
 meaning or goes."""
+
+_AS_FOUND = (
+    "lower_bound",
+    "formulation",
+    "transcription",
+    "intervals",
+    "status",
+    "iterations",
+    "solve_seconds",
+    "gap",
+    "tolerance",
+    "phases",
+    "free_duration",
+)
+"""What plan.json says of a plan as it is."""
 
 COLUMNS = (
     "t",
@@ -55,14 +67,11 @@ def write_motion(file: Path, trajectory: Trajectory, rate: float = RATE) -> None
 
 def content(facts: Facts) -> dict[str, object]:
     """What plan.json says of a motion and how it was found, for JSON: no infinite number."""
-    found = facts.found
+    found = facts.plan
     return {
-        "duration": facts.trajectory.duration,
-        "cost": {
-            "value": cost(problem_of(facts.scene), facts.trajectory),
-            "unit": facts.scene.objective.unit,
-        },
-        **{each.name: finite(getattr(found, each.name)) for each in fields(StraightLine)},
+        "duration": found.duration,
+        "cost": {"value": found.cost, "unit": found.scene.objective.unit},
+        **{name: finite(getattr(found, name)) for name in _AS_FOUND},
         "certificate": found.certificate and vars(found.certificate),
         "optima": [
             {name: finite(value) for name, value in vars(each).items()} for each in found.optima
@@ -83,7 +92,7 @@ def summary(facts: Facts) -> dict[str, object]:
     return {
         "ok": facts.verification.ok,
         "duration": record["duration"],
-        "objective": str(facts.scene.objective),
+        "objective": str(facts.plan.scene.objective),
         **{name: record[name] for name in same},
     }
 
@@ -95,8 +104,8 @@ def write_json(file: Path, facts: Facts) -> None:
         "format": FORMAT,
         **content(facts),
         "versions": versions(),
-        "scene": facts.scene.model_dump(mode="json", exclude_none=True),
-        "motion": _motion(facts.trajectory),
+        "scene": facts.plan.scene.model_dump(mode="json", exclude_none=True),
+        "motion": _motion(facts.plan.trajectory),
     }
     write_record(file, {**record, "checksums": checksums(record)})
 

@@ -84,7 +84,8 @@ class Plan:
 
     ``trajectory``: the motion, a function of time. ``gap``: estimated relative excess of its cost
     (of its duration, unless the objective is another) over the least possible;
-    ``planning.mesh.gap`` says how it is estimated.
+    ``planning.mesh.gap`` says how it is estimated. ``formulation``: of the optimisation; None of a
+    straight line, which is not optimised.
     ``tolerance``: the gap that was asked for. ``intervals``: of the last mesh. ``meshes``: a record
     of every mesh that was solved; empty on a given path. ``status``, ``iterations``: of the
     solver, the latter summed over all meshes. ``solve_seconds``: wall time of planning, s.
@@ -113,7 +114,7 @@ class Plan:
 
     scene: Scene
     trajectory: Trajectory
-    formulation: str
+    formulation: str | None
     transcription: str
     intervals: int
     status: str
@@ -233,7 +234,7 @@ def plan_as_it_is(
     scene: Scene,
     motion: Trajectory,
     tolerance: float,
-    formulation: str,
+    formulation: str | None,
     transcription: str = "a first motion",
     status: str = "As_It_Is",
 ) -> Plan:

@@ -49,7 +49,7 @@ _SAMPLES = 2000
 def draw_limits(file: Path, facts: Facts) -> None:
     """Draw a motion for a scene into a file, with switching functions where it meets Pontryagin's
     condition. The format follows the file's suffix: png, pdf or svg."""
-    scene, trajectory = facts.scene, facts.trajectory
+    scene, trajectory = facts.plan.scene, facts.plan.trajectory
     costates = extremal(scene, trajectory) if is_optimal(facts.verification) else None
     told = caption(facts.verification)
     steps = max(2, _SAMPLES // (len(trajectory.knots) - 1))

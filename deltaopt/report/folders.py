@@ -42,14 +42,14 @@ def save(directory: Path, facts: Facts, rate: float, drawn: Drawn) -> list[Path]
     """
     written = [TABLE, plan_files.RECORD]
     with all_or_none(directory) as folder:
-        plan_files.write_motion(folder / TABLE, facts.trajectory, rate)
+        plan_files.write_motion(folder / TABLE, facts.plan.trajectory, rate)
         plan_files.write_json(folder / plan_files.RECORD, facts)
         if drawn.chart:
             from deltaopt.plots.plan import draw  # slow to import
 
             written.append("plan.png")
             lines, duty = facts.straight_lines, facts.verification.duty
-            draw(folder / written[-1], facts.scene, facts.trajectory, lines, duty)
+            draw(folder / written[-1], facts.plan.scene, facts.plan.trajectory, lines, duty)
         if drawn.limits:
             from deltaopt.plots.limits import draw_limits
 
@@ -74,7 +74,7 @@ def save_cycle(
     """
     legs = list[Path]()
     for index, (leg, measures) in enumerate(zip(plan.legs, verification.legs, strict=True)):
-        facts = Facts(leg.scene, leg.trajectory, leg, measures)
+        facts = Facts(leg, measures)
         of_leg = Drawn(chart=False, limits=drawn.limits)
         legs += save(directory / cycle_files.folder_of(index), facts, rate, of_leg)
     written = [TABLE, cycle_files.RECORD]

@@ -20,7 +20,7 @@ from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.tables import html_table
 from deltaopt.motion.active_limits import active_limits
 from deltaopt.output.cycle_files import told_of_cycle
-from deltaopt.output.facts import Facts, StraightLine, motor_facts, title, together
+from deltaopt.output.facts import Facts, motor_facts, title, together
 from deltaopt.output.in_words import beyond, percent
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.first_motions.around_bodies import CLEAR
@@ -44,14 +44,14 @@ def write_report(file: Path, facts: Facts) -> None:
 
 def report(facts: Facts) -> str:
     """The text of the page."""
-    scene, trajectory, verification = facts.scene, facts.trajectory, facts.verification
-    journal = facts.found.journal if isinstance(facts.found, Plan) else ()
+    plan, verification = facts.plan, facts.verification
+    scene, journal = plan.scene, plan.journal
     terms = _list(modelled(scene)) + "<p>Not modelled:</p>" + _list(not_modelled(scene))
     parts = [
         _head(facts),
         _figures([scene]),
-        _section(*_compared({**facts.straight_lines, "this plan": trajectory.duration})),
-        _section("Ways past the bodies", _ways(facts.found.ways)),
+        _section(*_compared({**facts.straight_lines, "this plan": plan.duration})),
+        _section("Ways past the bodies", _ways(plan.ways)),
         _section("What limits the motion", _list(_limits(facts))),
         _section("Duty of the motors", _duty(verification.duty)),
         _section("Verification", _verification(verification)),
@@ -59,8 +59,8 @@ def report(facts: Facts) -> str:
         _section("What was attempted", _list(map(str, journal)) if len(journal) > 1 else ""),
         _section("What is modelled", terms),
     ]
-    name = f"{title(scene.task, trajectory.duration)}, {scene.robot.name}"
-    return _page(name, parts, [Moving(scene, trajectory, facts.active)])
+    name = f"{title(scene.task, plan.duration)}, {scene.robot.name}"
+    return _page(name, parts, [Moving(scene, plan.trajectory, facts.active)])
 
 
 def cycle_report(plan: CyclePlan, verification: CycleVerification) -> str:
@@ -113,26 +113,25 @@ count the way there and one as long back, and no time for gripping."""
 
 
 def _head(facts: Facts) -> str:
-    scene, trajectory, verification = facts.scene, facts.trajectory, facts.verification
-    gap = facts.found.gap
+    plan, scene, verification = facts.plan, facts.plan.scene, facts.verification
     payload = scene.payload_in_words
     way = f"{1e3 * verification.way:.4g} mm"
     picks = "" if scene.moves_at_ends else _PICKS
     optimality = (
         "This motion was not optimised: it is the straight line, as fast as the limits permit by "
         "a quintic law."
-        if gap is None
-        else f"Estimated to be at most {percent(gap)} above the best for its objective, "
+        if plan.formulation is None
+        else f"Estimated to be at most {percent(plan.gap)} above the best for its objective, "
         f"{scene.objective}, "
         + (
-            f"among motions near it. {_other_ways(facts.found)}"
+            f"among motions near it. {_other_ways(plan)}"
             if not scene.follows_path
             else "on the path that the scene gives."
         )
     )
     return f"""<header>
 <p class="robot">{escape(scene.robot.name)}</p>
-<h1>{escape(title(scene.task, trajectory.duration))}</h1>
+<h1>{escape(title(scene.task, plan.duration))}</h1>
 <p>{escape(way)} from {escape(ends_in_words(scene.task))}, {escape(payload)}.{picks}</p>
 <p>{escape(optimality)}</p>
 {_verdict(verification)}</header>
@@ -148,7 +147,7 @@ def _verdict(verification: Verification | CycleVerification) -> str:
     )
 
 
-def _other_ways(found: Plan | StraightLine) -> str:
+def _other_ways(found: Plan) -> str:
     """With which motions that lead another way it was compared."""
     ways, optima = len(found.ways), len(found.optima)
     if ways > 1:

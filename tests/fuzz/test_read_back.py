@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,11 @@ from hypothesis import strategies as st
 
 import deltaopt
 from deltaopt.cli import main
-from deltaopt.motion.lower_bound import lower_bound
-from deltaopt.output.facts import Facts, StraightLine
+from deltaopt.output.facts import facts
 from deltaopt.output.foreign_table import read_foreign_table
 from deltaopt.output.plan_files import write_json, write_motion
 from deltaopt.output.saved_plan import load_plan
-from deltaopt.verify.verification import verify
+from deltaopt.planning.plan import plan_as_it_is
 from tests.fuzz.inputs import PROBLEMS, SCENE, fewer, limited, numbers, result_or_sentence, trees
 
 ROBOT = str(PROBLEMS / "robots/orsino.yaml")
@@ -27,8 +27,8 @@ ROBOT = str(PROBLEMS / "robots/orsino.yaml")
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     found, line = tmp_path_factory.mktemp("plans"), deltaopt.baseline(SCENE)
-    found_how = StraightLine(lower_bound(SCENE))
-    write_json(found / "good.json", Facts(SCENE, line, found_how, verify(SCENE, line)))
+    plan = plan_as_it_is(SCENE, line, inf, None, "straight line")
+    write_json(found / "good.json", facts(plan))
     write_motion(found / "good.csv", line, rate=50)
     return found
 

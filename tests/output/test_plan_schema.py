@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import re
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,9 @@ import pytest
 
 import deltaopt
 from deltaopt.cli import main
-from deltaopt.motion.lower_bound import lower_bound
-from deltaopt.output.facts import Facts, StraightLine
+from deltaopt.output.facts import facts
 from deltaopt.output.plan_files import schema, write_json
+from deltaopt.planning.plan import plan_as_it_is
 from studies.problems import PROBLEMS
 
 SCHEMA = json.loads(schema())
@@ -126,9 +127,8 @@ def test_lines_of_scenes_with_every_limit(tmp_path):
     for file in sorted((PROBLEMS / "limits").glob("*.yaml")):
         scene = deltaopt.load_scene(file)
         line = deltaopt.baseline(scene)
-        found = deltaopt.verify(scene, line)
-        told = Facts(scene, line, StraightLine(lower_bound(scene)), found)
-        write_json(tmp_path / "plan.json", told)
+        plan = plan_as_it_is(scene, line, inf, None, "straight line")
+        write_json(tmp_path / "plan.json", facts(plan))
         assert faults(saved(tmp_path / "plan.json"), SCHEMA) == [], file
 
 

@@ -1,6 +1,7 @@
 """What charts say in their titles is what their numbers say: counted here by hand."""
 
 import re
+from math import inf
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,6 +15,7 @@ from deltaopt.compare.model_terms import MODEL_TERMS, TermEffect
 from deltaopt.motion.active_limits import AT_LIMIT
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.facts import facts
+from deltaopt.planning.plan import plan_as_it_is
 from deltaopt.plots import dynamics, inverse, limits, model_terms, plans
 from deltaopt.plots.sweeps import draw_map
 from studies import parts, smoother
@@ -184,9 +186,7 @@ def test_every_body_has_a_curve_with_its_name(drawn, tmp_path):
         limited = {"limits": {"tilt_singularity": 0.01}, "keep_out": keep_out}
         passing = deltaopt.Scene.model_validate({**scene.model_dump(exclude_none=True), **limited})
         line = deltaopt.baseline(passing)
-        told = SimpleNamespace(
-            scene=passing, trajectory=line, active=(), verification=deltaopt.verify(passing, line)
-        )
+        told = facts(plan_as_it_is(passing, line, inf, None, "straight line"))
         limits.draw_limits(tmp_path / "limits.png", told)
         page = drawn.pop()
         (panel,) = (a for a in page.axes if a.get_ylabel() == "clearance (m)")

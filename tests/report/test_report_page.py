@@ -7,6 +7,7 @@ import re
 import shutil
 from dataclasses import replace
 from html.parser import HTMLParser
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +17,11 @@ from deltaopt import plan_cycle
 from deltaopt.cli import main
 from deltaopt.motion.active_limits import AT_LIMIT, active_limits, share_curves
 from deltaopt.output.cycle_files import verified
-from deltaopt.output.facts import Facts, StraightLine
+from deltaopt.output.facts import Facts, facts
 from deltaopt.planning.first_motions.around_bodies import CLEAR
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.journal import Entry
-from deltaopt.planning.plan import Optimum, TakenWay
+from deltaopt.planning.plan import Optimum, TakenWay, plan_as_it_is
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.report.page import cycle_report, report, write_report
 from deltaopt.scene.bodies import Body
@@ -53,7 +54,7 @@ class Text(HTMLParser):
 
 def of_line(scene, line) -> Facts:
     """What is told of a straight line."""
-    return Facts(scene, line, StraightLine(0.0), verify(scene, line))
+    return facts(plan_as_it_is(scene, line, inf, None, "straight line"))
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +66,7 @@ def planned(picked):
 def page(planned, tmp_path_factory) -> Path:
     found, verification = planned
     file = tmp_path_factory.mktemp("report") / "report.html"
-    write_report(file, Facts(SCENE, found.trajectory, found, verification))
+    write_report(file, Facts(found, verification))
     return file
 
 
@@ -185,7 +186,7 @@ def test_names_cannot_write_html(planned):
     robot = SCENE.robot.model_copy(update={"name": TRICK})
     scene = SCENE.model_copy(update={"robot": robot})
     found, verification = planned
-    text = report(Facts(scene, found.trajectory, found, verification))
+    text = report(Facts(replace(found, scene=scene), verification))
     tags = [tag for tag, _ in Text(text).tags]
     assert "img" not in tags
     assert tags.count("script") == 2
@@ -240,7 +241,7 @@ OPTIMUM = Optimum(0.1, 0.1, (0.45, 0.0, 0.0), 1e-4, 1)
 def test_it_says_with_what_it_was_compared(planned, ways, optima, says):
     found, verification = planned
     found = replace(found, ways=ways, optima=optima)
-    text = str(Text(report(Facts(SCENE, found.trajectory, found, verification))))
+    text = str(Text(report(Facts(found, verification))))
     assert says in text
     assert ("not compared" in text) == ("not compared" in says)
     several = len(ways) > 1
@@ -251,12 +252,10 @@ def test_it_says_with_what_it_was_compared(planned, ways, optima, says):
 
 def test_what_was_attempted_is_told_where_it_was_more_than_once(planned):
     found, verification = planned
-    assert "What was attempted" not in str(
-        Text(report(Facts(SCENE, found.trajectory, found, verification)))
-    )
+    assert "What was attempted" not in str(Text(report(Facts(found, verification))))
     tried = Entry("the way <below>", "0.3 s, 16 intervals", "no motion", None, 4)
     found = replace(found, journal=(*found.journal, "once more:", tried))
-    text = str(Text(report(Facts(SCENE, found.trajectory, found, verification))))
+    text = str(Text(report(Facts(found, verification))))
     assert "once more: the way <below>, 0.3 s, 16 intervals: no motion (4 meshes)" in text
 
 
@@ -266,7 +265,7 @@ def test_bodies_are_told_and_collisions_with_others_are_not_modelled(planned):
     assert "Diamonds are via points" in text
     assert "collisions with anything but the bodies of the scene" in text
     found, verification = planned
-    plain = str(Text(report(Facts(SCENE, found.trajectory, found, verification))))
+    plain = str(Text(report(Facts(found, verification))))
     assert "Bodies are grey" not in plain
     assert "Diamonds" not in plain
 
@@ -289,11 +288,11 @@ def test_distances_from_bodies_are_those_of_their_shapes():
 def test_durations_are_compared_as_in_the_picture(planned):
     """What is compared with the motion are the straight lines that keep the scene."""
     found, verification = planned
-    facts = Facts(SCENE, found.trajectory, found, verification)
-    text = str(Text(report(facts)))
-    best = min(facts.straight_lines.values())
+    told = Facts(found, verification)
+    text = str(Text(report(told)))
+    best = min(told.straight_lines.values())
     assert f"{100 * (1 - found.duration / best):.2g} % less time than the line" in text
-    for duration in (*facts.straight_lines.values(), found.duration):
+    for duration in (*told.straight_lines.values(), found.duration):
         assert f"{duration:.4f} s" in text
     assert text.index("Duty of the motors") < text.index("Verification Each")
     assert "less time" not in str(Text(report(of_line(NARROW, baseline(NARROW)))))
