@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
-from math import dist, inf
+from math import inf
 
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
@@ -107,12 +107,13 @@ class _Grid:
         arrived = self._connections(goal)
         if not left or not arrived:
             return None
-        cost = self._costs(left)
+        edges = [self._edges(step) for step in _STEPS]
+        cost = self._costs(left, edges)
         total = {place: cost[place] + last for place, last in arrived.items()}
         end = min(total, key=lambda place: total[place])
         if total[end] == inf:
             return None
-        return np.vstack([start, self._back(cost, left, end), goal])
+        return np.vstack([start, self._back(cost, left, edges, end), goal])
 
     def _connections(self, point: Array) -> dict[Index, float]:
         """Costs of straight lines from a point to those of the grid near it that it can reach."""
@@ -132,65 +133,49 @@ class _Grid:
                 found[place] = float(distance[i, j, k] * _weight(room))
         return found
 
-    def _costs(self, left: dict[Index, float]) -> Array:
+    def _costs(self, left: dict[Index, float], edges: list[Array]) -> Array:
         """The least cost from the start to every point, infinite where there is no way."""
         cost = np.full(self.room.shape, inf)
         for place, first in left.items():
             cost[place] = first
-        edges = [(*_shifted(step), self._edges(step)) for step in _STEPS]
+        near = [(*_shifted(step), edge) for step, edge in zip(_STEPS, edges, strict=True)]
         while True:
             before = cost.copy()
-            for one, other, edge in edges:
-                np.minimum(cost[other], cost[one] + edge, out=cost[other])
-                np.minimum(cost[one], cost[other] + edge, out=cost[one])
+            for one, other, edge in near:
+                np.minimum(cost[other], cost[one] + edge[one], out=cost[other])
+                np.minimum(cost[one], cost[other] + edge[one], out=cost[one])
             if (cost == before).all():
                 return cost
 
     def _edges(self, step: Index) -> Array:
-        """Costs of the lines between neighbours that are a step apart."""
+        """Costs of the lines from every point to its neighbour a step on, infinite without one."""
+        found = np.full(self.room.shape, inf)
         one, other = _shifted(step)
-        begin, end = self.points[one], self.points[other]
+        begin, end, cost = self.points[one], self.points[other], found[one]
         both = np.minimum(self.room[one], self.room[other])
-        cost = np.full(both.shape, inf)
         kept = both > 0
         middle = self.room_at(((begin + end) / 2)[kept])
         room = np.minimum(both[kept], middle)
         length = np.linalg.norm((end - begin)[kept], axis=-1)
         cost[kept] = np.where(room > 0, length * _weight(room), inf)
-        return cost
+        return found
 
-    def _back(self, cost: Array, left: dict[Index, float], end: Index) -> Array:
+    def _back(self, cost: Array, left: dict[Index, float], edges: list[Array], end: Index) -> Array:
         """The points from the start to one, along which costs add up."""
         places = [end]
         while not (places[-1] in left and cost[places[-1]] >= left[places[-1]]):
-            places.append(self._before(cost, places[-1]))
+            places.append(self._before(cost, edges, places[-1]))
         return np.array([self.points[place] for place in reversed(places)])
 
-    def _before(self, cost: Array, place: Index) -> Index:
-        """The neighbour from which a point is reached at its cost."""
-        steps = [*_STEPS, *((-a, -b, -c) for a, b, c in _STEPS)]
-        shape = self.room.shape
-        near = [
-            (place[0] + a, place[1] + b, place[2] + c)
-            for a, b, c in steps
-            if 0 <= place[0] + a < shape[0]
-            and 0 <= place[1] + b < shape[1]
-            and 0 <= place[2] + c < shape[2]
-        ]
-        here = self.points[place]
-        known = [other for other in near if cost[other] < cost[place]]
-
-        def through(other: Index) -> float:
-            room = min(
-                self.room[place],
-                self.room[other],
-                self.room_at((here + self.points[other])[None] / 2)[0],
-            )
-            if room <= 0:
-                return inf
-            return float(cost[other] + dist(here, self.points[other]) * _weight(room))
-
-        return min(known, key=through)
+    def _before(self, cost: Array, edges: list[Array], place: Index) -> Index:
+        """The neighbour from which a point is reached at its cost. Beyond an end of the grid the
+        other end is looked at, to which no line leads."""
+        through: dict[Index, float] = {}
+        for sign, (step, edge) in product((1, -1), zip(_STEPS, edges, strict=True)):
+            i, j, k = np.mod(np.add(place, np.multiply(sign, step)), cost.shape).tolist()
+            other = (i, j, k)
+            through[other] = cost[other] + edge[place if sign > 0 else other]
+        return min(through, key=lambda other: through[other])
 
 
 def _weight(room: Array | float) -> Array | float:
