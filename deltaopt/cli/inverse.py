@@ -90,7 +90,7 @@ def _against_limits(scene: Scene, trajectory: Trajectory) -> str:
     steps = np.linspace(0.0, 1.0, 2001)
     lines = []
     for curves in limit_curves(problem_of(scene), trajectory, steps):
-        share = curves.of_bounds
+        share = np.abs(curves.shares)
         instant, row = np.unravel_index(int(np.nanargmax(share)), share.shape)
         which = f" of {curves.limit.subject} {row + 1}" if share.shape[1] > 1 else ""
         bounds = bounds_in_words(curves.lower[[row]], curves.upper[[row]])

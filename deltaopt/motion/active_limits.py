@@ -136,23 +136,8 @@ def _rotation(problem: Problem, trajectory: Trajectory) -> Iterator[ActiveLimit]
 def _each(curves: LimitCurves) -> Iterator[tuple[str, Array]]:
     """The subject and the signed shares of every item of a limit."""
     several = curves.values.shape[1] > 1
-    for k, values in enumerate(curves.values.T):
-        subject = f"{curves.limit.subject} {k + 1}" if several else curves.limit.subject
-        yield subject, _signed(values, float(curves.lower[k]), float(curves.upper[k]))
-
-
-def _signed(values: Array, lower: float, upper: float) -> Array:
-    """Values as signed shares of their bounds. A single bound of 0, which has no share, is counted
-    from the value that is furthest from it."""
-    if np.isfinite(lower) and np.isfinite(upper):
-        return np.asarray((values - (lower + upper) / 2) / ((upper - lower) / 2))
-    if np.isfinite(upper):
-        if upper > 0:
-            return np.asarray(values / upper)
-        return np.asarray(1 - (upper - values) / max(float((upper - values).max()), 1e-12))
-    if lower > 0:
-        return np.asarray(-lower / np.maximum(values, 1e-12 * lower))
-    return np.asarray(-1 + (values - lower) / max(float((values - lower).max()), 1e-12))
+    for k, shares in enumerate(curves.shares.T):
+        yield f"{curves.limit.subject} {k + 1}" if several else curves.limit.subject, shares
 
 
 def _spans(at: Array, begins: Array, ends: Array) -> Iterator[Span]:

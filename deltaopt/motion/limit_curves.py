@@ -21,7 +21,7 @@ from deltaopt.problem.problem import Problem
 from deltaopt.robot.machine import Model
 
 _TINY = 1e-12
-"""Least size of a quantity that shares are of, in its unit."""
+"""Least size of a quantity that shares are of, in its unit or as a share of its bound."""
 
 
 @dataclass(frozen=True)
@@ -38,18 +38,20 @@ class LimitCurves:
     upper: Array
 
     @property
-    def of_bounds(self) -> Array:
-        """The values as shares of the nearer bound, (N, items), 1 at the bound and more beyond it,
-        counted from the middle between two bounds. A single bound of 0 has no share and counts from
-        the value that is farthest from it."""
+    def shares(self) -> Array:
+        """The values as signed shares of their bounds, (N, items): 1 at the upper bound, -1 at the
+        lower and more beyond them; between two bounds counted from their middle. A single bound of
+        0, which has no share, is counted from the value that is farthest from it."""
         lower, upper, values = self.lower, self.upper, self.values
-        both, below = np.isfinite(lower) & np.isfinite(upper), np.isfinite(lower)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            between = np.abs(values - (lower + upper) / 2) / ((upper - lower) / 2)
+        below = np.isfinite(lower)
         room = np.where(below, values - lower, upper - values)
-        bound = np.where(below, lower, upper)
-        size = np.where(bound > 0, bound, np.maximum(room.max(axis=0), _TINY))
-        return np.where(both, between, 1 - room / size)
+        of_room = 1 - room / np.maximum(room.max(axis=0), _TINY)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            between = (values - (lower + upper) / 2) / ((upper - lower) / 2)
+            of_bound = np.where(below, lower / np.maximum(values, _TINY * lower), values / upper)
+        single = np.where(np.where(below, lower, upper) > 0, of_bound, of_room)
+        single = np.where(below, -single, single)
+        return np.where(below & np.isfinite(upper), between, single)
 
 
 def limit_curves(

@@ -60,7 +60,7 @@ def on(scene: Scene, path: object, **changes: object) -> Scene:
 def excess(plan: Plan) -> float:
     fractions = sample_fractions(len(plan.trajectory.knots) - 1)
     curves = limit_curves(problem_of(plan.scene), plan.trajectory, fractions)
-    return max(float(np.nanmax(np.abs(each.of_bounds))) - 1 for each in curves)
+    return max(float(np.nanmax(np.abs(each.shares))) - 1 for each in curves)
 
 
 def test_the_line_against_two_arcs_with_a_resolved_switch():
