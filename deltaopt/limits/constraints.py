@@ -277,6 +277,11 @@ class Constraints:
         """Rows of quantities that are convex functions of the position alone, (rows,)."""
         return self._of_rows([isinstance(limit, ConvexLimit) for limit in self.limits], np.bool)
 
+    @property
+    def sampled_places(self) -> Truths:
+        """Rows of positions for which there is no sure bound, so that samples must do, (rows,)."""
+        return np.asarray(self.of_place & ~self.convex)
+
     @cached_property
     def slid_along(self) -> Truths:
         """Rows of positions along which the best motion may slide, (rows,)."""

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction
-from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, Truths
+from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial
 from deltaopt.errors import Unreachable
 from deltaopt.limits.constraints import MIXED, Constraints
 from deltaopt.mechanisms.functions import Functions
@@ -101,11 +101,6 @@ class NeededSlowing:
         return self.misplaced <= _WITHIN
 
 
-def sampled_places(constraints: Constraints) -> Truths:
-    """Rows of positions for which there is no sure bound, so that samples must do, (rows,)."""
-    return np.asarray(constraints.of_place & ~constraints.convex)
-
-
 def loads_inside(problem: Problem, trajectory: Trajectory, fractions: Array) -> Loads:
     """Loads at these fractions, (n,), of every interval, 0 and 1 from inside of it: N = K · n.
 
@@ -159,7 +154,7 @@ class LoadsOfMotion:
             _loads_function(functions, constraints, powers, squares),
             np.concatenate([limits.numbers, model.parameters]),
             int(np.count_nonzero(exponents(constraints, squares))),
-            int(np.count_nonzero(sampled_places(constraints))),
+            int(np.count_nonzero(constraints.sampled_places)),
         )
 
     def __call__(self, intervals: Index, fractions: Array) -> Loads:
@@ -304,7 +299,7 @@ def _demands(
         beyond = ca.fabs(static) if lower and upper else static if upper else -static
         if not static.is_zero():
             faster.append(ca.fmax(beyond - 1, 0) / ca.fmax(ca.fabs(moving), _NOTHING))
-    sampled = np.flatnonzero(sampled_places(constraints)).tolist()
+    sampled = np.flatnonzero(constraints.sampled_places).tolist()
     placed = [_size(rows[i], *constraints.sides[i]) for i in sampled]
     return ca.vertcat(*slower, *placed, *faster)
 

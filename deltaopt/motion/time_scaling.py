@@ -36,7 +36,6 @@ from deltaopt.motion.loads import (
     exponents_in,
     has_layers,
     loads_along,
-    sampled_places,
 )
 from deltaopt.motion.safe_speeds import largest_by_roots, largest_by_trying
 from deltaopt.motion.sure_bounds import sure_excess
@@ -104,7 +103,7 @@ def needed_slowing(
         return highest
 
     factor, last = _factor_by_exchange(problem, trajectory, at_least, looked_at)
-    placed = last.values[sampled_places(constraints)]
+    placed = last.values[constraints.sampled_places]
     needed_at_samples = NeededSlowing(factor, float(placed.max(initial=0.0)) - 1)
     return needed_at_samples.beside(places)
 

@@ -117,8 +117,8 @@ def _as_slowing(scaling: Scaling, highest: Array) -> NeededSlowing:
     """The highest sizes of rows, (rows,), of a motion that cannot be slowed, as if it could."""
     constraints = scaling.constraints
     factor = max(1.0, float(highest[~constraints.of_place].max()))
-    sampled = constraints.of_place & ~constraints.convex
-    return NeededSlowing(factor, float(highest[sampled].max(initial=0.0)) - 1)
+    misplaced = float(highest[constraints.sampled_places].max(initial=0.0)) - 1
+    return NeededSlowing(factor, misplaced)
 
 
 def time_costing_rows(constraints: Constraints) -> Truths:
@@ -350,7 +350,7 @@ class MeshSolution:
         fewer solves.
         """
         constraints = self.scaling.constraints
-        places, others = constraints.of_place & ~constraints.convex, time_costing_rows(constraints)
+        places, others = constraints.sampled_places, time_costing_rows(constraints)
         shares, size = self.scaling.shares(len(self.mesh)), self.sizes
         cannot_slow = not self.problem.may_be_slowed and self.own_gap < _NEARLY_LAST
         soon = cannot_slow or self._is_held(shares[:, others])
