@@ -99,6 +99,12 @@ class SceneLimits:
         return _bounds(self.constraints, tuple(self.numbers.tolist()))[2]
 
     @cached_property
+    def least_distances(self) -> Array:
+        """Of the rows of ``Constraints.convex`` the least distances, m; -inf of those of no
+        body."""
+        return self.bounds[0][self.constraints.convex]
+
+    @cached_property
     def edge_radii(self) -> Array:
         """Of the rows of ``Constraints.convex`` the radii of the edges of their bounds, m."""
         return np.array(self.constraints.edge_radii(self.numbers)).ravel()

@@ -50,8 +50,7 @@ def _excess(problem: Problem, position: PiecewisePolynomial, groups: Index, know
     """The largest excess in each of some groups of pieces, (groups, rows); ``groups``: to which
     each piece belongs. ``known``: share to which it is known where it is positive."""
     limits = problem.limits
-    rows = limits.constraints.convex
-    bound, scale = limits.bounds[0][rows], limits.scales[rows]
+    bound, scale = limits.least_distances, limits.scales[limits.constraints.convex]
     most = np.full((groups[-1] + 1, len(bound)), -np.inf)
     least = most.copy()
 

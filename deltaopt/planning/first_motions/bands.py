@@ -22,7 +22,6 @@ from deltaopt.motion.links import planned_distances
 from deltaopt.motion.sure_bounds import signed_distances, sure_excess
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.links import name_of
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
@@ -114,7 +113,8 @@ class Bodies:
     def kept(self) -> Array:
         """The least distance from each body, m, then those of links that are planned to keep clear
         of one."""
-        return np.append(least_distances(self.scene), [e.least for e in self.scene.kept_links])
+        links = [each.least for each in self.scene.kept_links]
+        return np.append(problem_of(self.scene).limits.least_distances, links)
 
     def margins(self, x: Array) -> Array:
         """How far places (…, 3) are to be from bodies, (…, rows): less near an end that is."""
@@ -204,7 +204,7 @@ class Bodies:
         Distances of a point change by no more than its way: pieces are looked at that are longer
         than the room at their ends. Forearms are thicker than pieces are long.
         """
-        room = (distance - self.kept)[..., : len(least_distances(self.scene))]
+        room = (distance - self.kept)[..., : len(problem_of(self.scene).limits.least_distances)]
         apart = np.sqrt((np.diff(places, axis=-2) ** 2).sum(axis=-1))
         found = np.full(apart.shape, -1)
         unknown = (room[..., :-1, :] + room[..., 1:, :] < apart[..., None]).any(axis=-1)
@@ -293,13 +293,6 @@ class Bodies:
         least = np.take_along_axis(room, nearest, axis=-2)[..., 0, :]
         push = np.take_along_axis(slope, nearest[..., None], axis=-3)[..., 0, :, :]
         return np.where(least <= _NEAR * self.way, _side(push), 0)
-
-
-def least_distances(scene: Scene) -> Array:
-    """The least distance of the tool's point from each body, m, (rows,); -inf for rows that are of
-    none."""
-    limits = limits_of(scene)
-    return np.asarray(limits.bounds[0][limits.constraints.convex])
 
 
 def without_bodies(scene: Scene) -> Scene:

@@ -22,7 +22,7 @@ import numpy as np
 
 from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.motion.sure_bounds import signed_distances
-from deltaopt.planning.first_motions.bands import least_distances, without_bodies
+from deltaopt.planning.first_motions.bands import without_bodies
 from deltaopt.planning.first_motions.roadmap import path_over_grid, spacing
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.solids import Convex, Polytope, Solid
@@ -178,7 +178,7 @@ class _Lines:
 
     @cached_property
     def _kept(self) -> Array:
-        return least_distances(self.scene) + self.spare
+        return problem_of(self.scene).limits.least_distances + self.spare
 
     @cached_property
     def _touched_by_ends(self) -> Truths:
@@ -296,7 +296,7 @@ class _Plane:
 def _planes_between(scene: Scene, line: Array) -> list[_Plane]:
     """A plane between each two bodies that leave a passage between them, as far as projections from
     places (n, 3), m, to one and the other find their nearest places."""
-    kept = least_distances(scene)
+    kept = problem_of(scene).limits.least_distances
     used = np.flatnonzero(np.isfinite(kept))
     widest = _WIDEST * dist(line[-1], line[0])
     planes = list[_Plane]()

@@ -142,7 +142,7 @@ def corner_shares(scaling: Scaling, motion: Trajectory, mesh: Array) -> Array:
     wanted = np.maximum(_ROUNDING_OF_CORNERS * apart, _SHARPEST)[:, None] - limits.edge_radii
     if scaling.faces is not None:  # there phases meet instead
         wanted = np.where(scaling.faces.rows, _FROM_FACES, wanted)
-    room = _least_distances(scaling, motion, mesh) - limits.bounds[0][convex]
+    room = _least_distances(scaling, motion, mesh) - limits.least_distances
     over = np.clip(wanted, 0.0, np.maximum(_SHARE_OF_ROOM * room, 0.0)) / limits.scales[convex]
     return np.maximum(1 - over, _SMALLEST_SHARE_OF_PLACES)
 

@@ -95,7 +95,7 @@ def first_phases(program: Program, scaling: Scaling, guess: Guess) -> tuple[Scal
         return scaling, mesh
     distances, _ = signed_distances(problem, _samples(guess.trajectory)[1])
     convex = problem.limits.constraints.convex
-    near = distances < problem.limits.bounds[0][convex] + _AT_BODY
+    near = distances < problem.limits.least_distances + _AT_BODY
     touched = np.zeros((len(near) // _SAMPLES, len(convex)), np.bool)
     touched[:, convex] = near.reshape(len(touched), _SAMPLES, near.shape[1]).any(axis=1)
     faces = phases_over_edges(problem, guess.trajectory, touched)
@@ -181,8 +181,7 @@ def _parts(
     """The parts of a motion by faces of the body of a row that it is clear of; one or none if it
     touches no edge. ``distances``: from its faces, (N, faces), m. ``touches``: at which samples it
     touches the body, (N,). ``sharp``: as of ``phases_over_edges``."""
-    least = limits.bounds[0][limits.constraints.convex][row]
-    over = distances - least
+    over = distances - limits.least_distances[row]
     faces = _fewest_changes(over)
     if faces is None:
         return []

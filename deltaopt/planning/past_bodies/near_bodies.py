@@ -12,7 +12,6 @@ import numpy as np
 
 from deltaopt.curves.piecewise import PiecewisePolynomial, Truths
 from deltaopt.motion.sure_bounds import rows_not_kept, signed_distances
-from deltaopt.planning.first_motions.bands import least_distances
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
 
@@ -26,7 +25,7 @@ def near(scene: Scene, position: PiecewisePolynomial) -> frozenset[int]:
     x = position.at(np.linspace(position.knots[0], position.knots[-1], _SAMPLES))
     distances, _ = signed_distances(problem_of(scene), x)
     way = float(np.linalg.norm(x[-1] - x[0]))
-    kept = least_distances(scene) + _NEAR * way
+    kept = problem_of(scene).limits.least_distances + _NEAR * way
     return _of_rows(scene, np.asarray((distances <= kept).any(axis=0)))
 
 
@@ -59,7 +58,7 @@ def past_these(scene: Scene, bodies: Collection[int]) -> Scene:
 
 def _of_rows(scene: Scene, rows: Truths) -> frozenset[int]:
     """The bodies of some rows, (rows,)."""
-    used = rows[np.isfinite(least_distances(scene))]
+    used = rows[np.isfinite(problem_of(scene).limits.least_distances)]
     return frozenset(
         index for (index, _), chosen in zip(scene.obstacles, used, strict=True) if chosen
     )

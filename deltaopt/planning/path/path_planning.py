@@ -160,9 +160,8 @@ def _require_positions(scene: Scene, trajectory: Trajectory) -> None:
 def near_corners(scene: Scene, corners: Array) -> Scene:
     """The scene with via points at all corners but its ends, (n, 3), m, each as wide as bodies
     leave room."""
-    limits = limits_of(scene).up_to(2)
     distances, _ = signed_distances(problem_of(scene), corners[1:-1])
-    room = _OF_ROOM * (distances - limits.bounds[0][limits.constraints.convex]).min(axis=1)
+    room = _OF_ROOM * (distances - limits_of(scene).least_distances).min(axis=1)
     via = [
         {"at": place, "within": within} if within > _NEAREST else place
         for place, within in zip(corners[1:-1].tolist(), room.tolist(), strict=True)
