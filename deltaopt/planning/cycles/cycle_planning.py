@@ -60,10 +60,11 @@ def plan_cycle(
     fastest = sought.planned(Time(), None)
     tell(f"legs as fast as possible: {fastest.in_words}")
     if cycle.period is None and sought.is_kept(fastest):
-        least = sought.bound([Round(sought.least, fastest)], [])
+        least = sought.bound([Round(np.zeros(3), fastest)], [])
         return replace(fastest, gap=_above(fastest.period, least))
     sought.require_priced(fastest)
-    prices, slopes = sought.first(fastest), np.eye(len(sought.least))
+    prices = sought.first(fastest)
+    slopes = np.eye(len(prices))
     near, best, gaps = sought.slowed(fastest) or fastest, None, list[float]()
     afresh = True
     for number in range(2, _MOST_ROUNDS + 1):

@@ -93,11 +93,6 @@ class PricedLegs:
         """How long the robot waits at least in a period, s."""
         return sum(self.cycle.least_dwells)
 
-    @property
-    def least(self) -> Array:
-        """The least that each price may be."""
-        return np.zeros(3 if self.cycle.period is None else 4)
-
     def time(self, prices: Array) -> float:
         """The price of time."""
         return float(1 - prices.sum() if self.cycle.period is None else prices[0])
@@ -294,7 +289,7 @@ class PricedLegs:
 
     def next(self, prices: Array, excess: Array, slopes: Array) -> Array:
         """The prices of the next round."""
-        found = next_prices(prices, excess, slopes, self.least)
+        found = next_prices(prices, excess, slopes)
         left = self.time(found) / self.time(prices)
         if left >= _LEFT:
             return found

@@ -19,18 +19,18 @@ _FARTHEST = 4.0
 """Factor by which a price that is not zero changes at most in a step."""
 
 
-def next_prices(prices: Array, excess: Array, slopes: Array, least: Array) -> Array:
+def next_prices(prices: Array, excess: Array, slopes: Array) -> Array:
     """Newton's step to the prices, (n,), at which nothing is in excess.
 
-    ``excess``: at these prices, (n,). ``slopes``: its derivatives by the prices, (n, n).
-    ``least``: of each price, (n,): there it may be that less is used than would be allowed.
+    ``excess``: at these prices, (n,). ``slopes``: its derivatives by the prices, (n, n). Where a
+    price is 0 it may be that less is used than would be allowed.
     """
     everything = range(len(prices))
     choices = [free for n in range(len(prices) + 1) for free in combinations(everything, n)]
-    steps = [_step(prices, excess, slopes, least, list(free)) for free in choices]
-    found = prices + min(steps, key=lambda step: _violation(step, prices, excess, slopes, least))
+    steps = [_step(prices, excess, slopes, list(free)) for free in choices]
+    found = prices + min(steps, key=lambda step: _violation(step, prices, excess, slopes))
     moved = np.clip(found, prices / _FARTHEST, np.where(prices > 0, _FARTHEST * prices, np.inf))
-    return np.asarray(np.maximum(moved, least))
+    return np.asarray(np.maximum(moved, 0.0))
 
 
 def broyden(slopes: Array, step: Array, change: Array) -> Array:
@@ -40,9 +40,9 @@ def broyden(slopes: Array, step: Array, change: Array) -> Array:
     return slopes if length == 0 else slopes + np.outer(change - slopes @ step, step) / length
 
 
-def _step(prices: Array, excess: Array, slopes: Array, least: Array, free: list[int]) -> Array:
-    """The step after which nothing ``free`` is in excess, and the other prices are the least."""
-    step = least - prices
+def _step(prices: Array, excess: Array, slopes: Array, free: list[int]) -> Array:
+    """The step after which nothing ``free`` is in excess, and the other prices are 0."""
+    step = -prices
     step[free] = 0.0
     if free:
         own = slopes[np.ix_(free, free)]
@@ -50,13 +50,11 @@ def _step(prices: Array, excess: Array, slopes: Array, least: Array, free: list[
     return np.asarray(step)
 
 
-def _violation(step: Array, prices: Array, excess: Array, slopes: Array, least: Array) -> float:
+def _violation(step: Array, prices: Array, excess: Array, slopes: Array) -> float:
     """By how much a step misses what prices are to fulfil."""
-    below = least - (prices + step)
-    above = excess + slopes @ step
-    at_least = prices + step <= least
+    after, above = prices + step, excess + slopes @ step
     scale = np.maximum(np.abs(prices), np.abs(prices).max(initial=1e-12))
     return float(
-        np.maximum(below / scale, 0).sum()
-        + np.where(at_least, np.maximum(above, 0), np.abs(above)).sum()
+        np.maximum(-after / scale, 0).sum()
+        + np.where(after <= 0, np.maximum(above, 0), np.abs(above)).sum()
     )
