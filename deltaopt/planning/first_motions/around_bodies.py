@@ -11,7 +11,7 @@ straight lines (``passages``).
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain, islice
 from math import dist
 
@@ -32,7 +32,7 @@ from deltaopt.planning.first_motions.bands import (
     sides_of,
 )
 from deltaopt.planning.first_motions.bows import bows, is_near_any, speeds
-from deltaopt.planning.first_motions.initial_motion import roughly_fastest
+from deltaopt.planning.first_motions.initial_motion import Proposal, roughly_fastest
 from deltaopt.planning.first_motions.passages import shortest_paths, what_was_searched
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
@@ -61,24 +61,20 @@ _SAME = 0.05
 """Of the way: paths that are nowhere farther apart are the same way."""
 
 
-@dataclass(frozen=True, eq=False)
-class Way:
-    """A first motion that keeps clear of all bodies, and the ``sides`` on which it passes those
-    that it comes near, in order of time: "above keep_out[0]"."""
-
-    motion: Trajectory
-    sides: tuple[str, ...]
-
-    @property
-    def name(self) -> str:
-        """In words."""
-        return ", ".join(self.sides) or CLEAR
-
-
 def name_of_way(scene: Scene, motion: Trajectory) -> str:
     """The way that a motion takes past the bodies of a scene, in words."""
     bodies, path = Bodies.along(scene, motion)
-    return Way(motion, bodies.sides(path)).name
+    return _sides_in_words(bodies, path)
+
+
+def _sides_in_words(bodies: Bodies, path: Array) -> str:
+    """The sides of bodies on which a path leads, in order of time: "above keep_out[0]"."""
+    return ", ".join(bodies.sides(path)) or CLEAR
+
+
+def _way(bodies: Bodies, path: Array, motion: Trajectory) -> Proposal:
+    """The way of a motion along a path, (n, 3), m."""
+    return Proposal(f"the way {_sides_in_words(bodies, path)}", motion)
 
 
 def no_way(scene: Scene) -> str:
@@ -91,7 +87,7 @@ def no_way(scene: Scene) -> str:
 
 def ways_around(
     scene: Scene, first: Trajectory, free: Trajectory | None = None
-) -> Iterator[list[Way]]:
+) -> Iterator[list[Proposal]]:
     """The ways past the bodies of a scene, from one source after the other, of each the one that is
     driven fastest first. ``free``: the fastest motion without bodies, if it is known.
 
@@ -102,10 +98,10 @@ def ways_around(
     """
     bodies, known = Bodies.of(scene), list[Array]()
 
-    def drawn(paths: Iterable[Array]) -> list[Way]:
+    def drawn(paths: Iterable[Array]) -> list[Proposal]:
         return _drawn_ways(scene, bodies, paths, known)
 
-    found = [Way(first, ())] if is_clear(scene, first) else []
+    found = [Proposal(f"the way {CLEAR}", first)] if is_clear(scene, first) else []
     bowed = drawn(bows(bodies, sampled(free))) if free else []
     are_few = not found and len(bowed) < _FEW
     if are_few:
@@ -128,10 +124,10 @@ def _bent(bodies: Bodies, path: Array) -> Iterator[Array]:
 
 def _drawn_ways(
     scene: Scene, bodies: Bodies, paths: Iterable[Array], known: list[Array]
-) -> list[Way]:
+) -> list[Proposal]:
     """The ways along paths (n, 3), m, as far as they can be driven, the fastest first; those that
     are much the same, or much as one that is ``known``, once."""
-    found = list[Way]()
+    found = list[Proposal]()
     for path in paths:
         places = resampled(path)
         if is_near_any(places, known, _SAME * bodies.way):
@@ -139,7 +135,7 @@ def _drawn_ways(
         motion = driven(scene, path)
         if motion is not None:
             known.append(places)
-            found.append(Way(motion, bodies.sides(path)))
+            found.append(_way(bodies, path, motion))
     return sorted(found, key=lambda way: way.motion.duration)
 
 
@@ -161,13 +157,13 @@ def clear_motions(scene: Scene, motions: Iterator[Trajectory], number: int) -> I
                 return
 
 
-def _through_passages(scene: Scene, bodies: Bodies) -> list[Way]:
+def _through_passages(scene: Scene, bodies: Bodies) -> list[Proposal]:
     """The ways along shortest paths of straight lines, the fastest first."""
     found = (_along_lines(scene, bodies, corners) for corners in shortest_paths(scene))
     return sorted(filter(None, found), key=lambda way: way.motion.duration)
 
 
-def _along_lines(scene: Scene, bodies: Bodies, corners: Array) -> Way | None:
+def _along_lines(scene: Scene, bodies: Bodies, corners: Array) -> Proposal | None:
     """The way along straight lines between corners, (n, 3), m, rounded as far as bodies allow; with
     a stop at each corner where they do not; None where that cannot be driven."""
     band = resampled(corners)
@@ -175,9 +171,9 @@ def _along_lines(scene: Scene, bodies: Bodies, corners: Array) -> Way | None:
         drawn = replace(bodies, margin=margin).drawn(band[None], TENSIONS[-_GENTLE:])[0]
         motion = driven(scene, drawn) if bodies.hits(drawn[None])[0] is None else None
         if motion is not None:
-            return Way(motion, bodies.sides(drawn))
+            return _way(bodies, drawn, motion)
     motion = with_stops(scene, corners)
-    return Way(motion, bodies.sides(band)) if motion else None
+    return _way(bodies, band, motion) if motion else None
 
 
 def is_clear(scene: Scene, motion: Trajectory) -> bool:

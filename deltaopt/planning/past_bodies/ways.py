@@ -17,12 +17,13 @@ from deltaopt.errors import ENDS_AN_ATTEMPT, DeltaOptError, Infeasible, if_possi
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.first_motions.around_bodies import (
-    Way,
+    CLEAR,
     leads_past,
     name_of_way,
     no_way,
     ways_around,
 )
+from deltaopt.planning.first_motions.initial_motion import Proposal
 from deltaopt.planning.first_motions.moving_ends import end_of, from_state_to_state, start_of
 from deltaopt.planning.past_bodies.near_bodies import near, past_these, those_hit, with_those_hit
 from deltaopt.planning.plan import Plan, TakenWay, quicker
@@ -83,14 +84,14 @@ def fastest_way(
     is no way, and such an error where none leads to a plan.
     """
     resting = at_rest(attempt.scene, attempt.motion)
-    ways, search = list[Way](), _Search(attempt, free, planned, on_first_mesh, enough)
+    ways, search = list[Proposal](), _Search(attempt, free, planned, on_first_mesh, enough)
     for source in ways_around(resting, attempt.motion, free):
         ways += source[:_MOST_WAYS]
         search.look_at(source[:_MOST_WAYS])
         if search.is_good and search.gains_little:
             break
     if not ways and resting.planned_links:  # a solver may move links out of bodies
-        ways = [Way(attempt.motion, ())]
+        ways = [Proposal(f"the way {CLEAR}", attempt.motion)]
         search.look_at(ways)
     if not ways:
         raise Infeasible(no_way(resting))
@@ -140,7 +141,7 @@ class _Search:
     plans: dict[int, Plan] = field(default_factory=dict)
     failures: list[DeltaOptError] = field(default_factory=list)
 
-    def look_at(self, ways: list[Way]) -> None:
+    def look_at(self, ways: list[Proposal]) -> None:
         """Plan those of some more ways that promise to be faster than all before."""
         first = len(self.trials)
         for way in ways:
@@ -197,16 +198,15 @@ class _Search:
             except ENDS_AN_ATTEMPT as error:
                 self.failures.append(error)
 
-    def _along(self, way: Way) -> _Trial:
+    def _along(self, way: Proposal) -> _Trial:
         """The trial of a way, past the bodies that this comes near, and those that the fastest
         motion without bodies runs into: without these most ways lead to that."""
         bodies = near(self.attempt.scene, way.motion.position) | self._hit
-        scene, name = past_these(self.attempt.scene, bodies), f"the way {way.name}"
-        slower = _SLOWER
+        scene, slower = past_these(self.attempt.scene, bodies), _SLOWER
         if scene.task.goal.moves:  # it is not where the way ends for long
             slower = self.attempt.motion.duration / way.motion.duration
         motion = way.motion.slowed(slower)
-        begin = replace(self.attempt, scene=scene, motion=motion, is_near=True, proposal=name)
+        begin = replace(self.attempt, scene=scene, motion=motion, is_near=True, proposal=way.name)
         return _Trial(begin, way.motion.duration, way.motion)
 
     def _solved(self, trial: _Trial) -> _Trial:
