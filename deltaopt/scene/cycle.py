@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Self
 
-import numpy as np
 from pydantic import Field, model_validator
 
 from deltaopt.errors import SceneError
@@ -18,7 +17,6 @@ from deltaopt.files.validated_record import (
     Vector3,
     optional,
     per_motor,
-    vector3,
 )
 from deltaopt.problem.boundary import REST
 from deltaopt.scene.moving_ends import Anywhere, Belt, End, Start, State, content_of_end
@@ -154,18 +152,16 @@ class Cycle(Record):
         scene = self.legs[index]
         goal = scene.goal
         if isinstance(goal, Belt) and index == len(self.legs) - 1:
-            early = _moved(goal.at, goal.belt, -self.least_dwells[index])
-            goal = State(at=early, velocity=goal.belt)
+            goal = State(at=goal.after(-self.least_dwells[index]).at, velocity=goal.belt)
         elif isinstance(goal, Belt):
-            goal = Belt(at=_moved(goal.at, goal.belt, begins), belt=goal.belt)
+            goal = goal.after(begins)
         return scene.model_copy(update={"start": start, "goal": goal})
 
     def after(self, index: int, reached: Vector3) -> Start:
         """Where the leg after one begins that ``reached`` a point (m), when its dwell is over."""
         goal = self.legs[index].goal
         if isinstance(goal, Belt):
-            at = _moved(reached, goal.belt, self.least_dwells[index])
-            goal = Belt(at=at, belt=goal.belt)
+            goal = Belt(at=reached, belt=goal.belt).after(self.least_dwells[index])
         start = start_after(goal)
         assert start is not None
         return start
@@ -200,7 +196,3 @@ def start_after(goal: End) -> Start | None:
     if isinstance(goal, Belt):
         return goal.at if goal.belt == REST else State(at=goal.at, velocity=goal.belt)
     return None if isinstance(goal, Anywhere) else goal
-
-
-def _moved(at: Vector3, velocity: Vector3, duration: float) -> Vector3:
-    return vector3(np.add(at, np.multiply(duration, velocity)))

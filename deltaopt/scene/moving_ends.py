@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field
 
 from deltaopt.errors import SceneError
 from deltaopt.files.units import ACCELERATION, SPEED
-from deltaopt.files.validated_record import Number, Record, Vector3, optional
+from deltaopt.files.validated_record import Number, Record, Vector3, optional, vector3
 from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.robot.tool import POINT, Point
 
@@ -64,6 +65,11 @@ class Belt(Record):
     def end(self) -> Boundary:
         """The goal as a task has it: a belt that stands still is a point."""
         return Boundary(self.at) if self.belt == REST else Boundary.on_belt(self.at, self.belt)
+
+    def after(self, duration: float) -> Belt:
+        """The belt as it is when it has moved on for so long, s."""
+        at = vector3(np.add(self.at, np.multiply(duration, self.belt)))
+        return Belt(at=at, belt=self.belt)
 
 
 class Anywhere(Record):

@@ -169,9 +169,7 @@ def _spline(points: Array, lengths: Array, first: Array, last: Array) -> Piecewi
 
 def _moved(goal: End, since: float) -> End:
     """A goal as it is after a time, s: a belt has moved."""
-    if not isinstance(goal, Belt):
-        return goal
-    return Belt(at=tuple(np.add(goal.at, np.multiply(since, goal.belt)).tolist()), belt=goal.belt)
+    return goal.after(since) if isinstance(goal, Belt) else goal
 
 
 def _stopping_at_each(scene: Scene, places: Array) -> Trajectory | None:
