@@ -189,7 +189,9 @@ def intervals_for(motion: Trajectory, intervals: int) -> int:
     if len(motion.knots) == 2 and motion.position.coefficients.shape[1] == 6:  # a straight line:
         return intervals  # such cubics do not leave it
     for factor in (1, 2, 4, _FINEST):
-        if _stays_in_workspace(motion, factor * intervals):
+        cubics = _cubics(motion, factor * intervals)
+        alignments = motion.model.alignments(cubics.inside(*cubics.everywhere(_TRIED)))
+        if (alignments > 0).all():  # False where not a number
             return factor * intervals
     return 0
 
@@ -199,19 +201,17 @@ def intervals_in_tube(scene: Scene, motion: Trajectory, intervals: int) -> int:
     cubics through a motion's states at the knots stay in the tube of a scene, if with any."""
     rows = limits_of(scene).constraints.slid_along
     for factor in (1, 2, 4):
-        knots = np.linspace(motion.knots[0], motion.knots[-1], factor * intervals + 1)
-        cubics = PiecewisePolynomial.hermite(knots, *motion.position.with_rate_at(knots))
-        sizes = sizes_at(problem_of(scene), cubics.coefficients, np.diff(knots), _TRIED)
+        cubics = _cubics(motion, factor * intervals)
+        sizes = sizes_at(problem_of(scene), cubics.coefficients, np.diff(cubics.knots), _TRIED)
         if sizes[:, :, rows].max() <= 1:
             return factor * intervals
     return _FINEST * intervals
 
 
-def _stays_in_workspace(motion: Trajectory, intervals: int) -> bool:
+def _cubics(motion: Trajectory, intervals: int) -> PiecewisePolynomial:
+    """Cubics through the states of a motion at the ends of so many equal intervals."""
     knots = np.linspace(motion.knots[0], motion.knots[-1], intervals + 1)
-    cubics = PiecewisePolynomial.hermite(knots, *motion.position.with_rate_at(knots))
-    alignments = motion.model.alignments(cubics.inside(*cubics.everywhere(_TRIED)))
-    return bool((alignments > 0).all())  # False where not a number
+    return PiecewisePolynomial.hermite(knots, *motion.position.with_rate_at(knots))
 
 
 class CrossesSingularity(NotConverged):
