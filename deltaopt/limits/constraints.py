@@ -154,9 +154,10 @@ class Constraints:
         given = [(b.lower is not None, b.upper is not None) for b in self._bounds]
         return self._of_rows(given, np.bool).reshape(-1, 2)
 
-    def size(self, rows: Array) -> Array:
-        """How near rows, (…, rows), are to the nearer of their bounds: 1 at a bound."""
-        lower, upper = self.sides.T
+    def size(self, rows: Array, which: Sequence[int] | slice = slice(None)) -> Array:
+        """How near rows, (…, rows), are to the nearer of their bounds: 1 at a bound. ``which``: the
+        indices of these rows."""
+        lower, upper = self.sides[which].T
         return np.maximum(np.where(upper, rows, -np.inf), np.where(lower, -rows, -np.inf))
 
     @cached_property

@@ -288,17 +288,11 @@ def _responses(h: Array, slopes: Array, rate_slopes: Array) -> tuple[Array, Arra
 def _at_limit(rows: _Rows, sign: Array, reached: Array, h: Array) -> Truths:
     """States that are held all over an interval, (K, states)."""
     ones, states = len(rows.first), len(rows.first) + len(rows.second)
-    fast = (_size(rows, reached) > 1 - _HELD).all(axis=1)
+    sizes = rows.constraints.size(reached[..., :ones], rows.first)
+    fast = (sizes > 1 - _HELD).all(axis=1)
     constant = np.ptp(reached[..., ones:states], axis=1) < _CONSTANT
     constant &= (sign[:, rows.motors[ones:]] == 0) | (h > _LONG)[:, None]
     return np.hstack([fast, constant])
-
-
-def _size(rows: _Rows, reached: Array) -> Array:
-    """How near rows of order 1 are to a bound, (K, c, rows of order 1): 1 at it."""
-    lower, upper = rows.constraints.sides[rows.first].T
-    values = reached[..., : len(rows.first)]
-    return np.maximum(np.where(upper, values, -np.inf), np.where(lower, -values, -np.inf))
 
 
 def _rows_held(rows: _Rows, sign: Array, at_limit: Truths) -> Integers:
@@ -325,7 +319,7 @@ def _jumps(rows: _Rows, at_limit: Truths, reached: Array, by_state: Array) -> di
     """
     new, ones = at_limit.copy(), len(rows.first)
     new[1:] &= ~at_limit[:-1]
-    there = _size(rows, reached)[1:, 0] > 1 - _TOUCHES
+    there = rows.constraints.size(reached[1:, 0, :ones], rows.first) > 1 - _TOUCHES
     new[1:, :ones] |= there & ~at_limit[1:, :ones] & ~at_limit[:-1, :ones]
     jumps: dict[int, list[Array]] = {}
     for i, state in np.argwhere(new).tolist():
