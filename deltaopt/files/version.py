@@ -1,8 +1,14 @@
-"""The version of the package."""
+"""Versions of installed packages."""
 
 from importlib.metadata import PackageNotFoundError, version
 
-try:
-    __version__ = version("deltaopt")
-except PackageNotFoundError:  # run from a folder, without being installed
-    __version__ = "unknown"
+
+def installed_version(package: str) -> str | None:
+    """The version of a package; None if it is used without being installed, as from a folder."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+__version__ = installed_version("deltaopt") or "unknown"

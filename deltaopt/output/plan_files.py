@@ -6,7 +6,6 @@ import json
 import platform
 from collections.abc import Mapping
 from hashlib import sha256
-from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.csv_table import write_csv
 from deltaopt.files.tables import finite
+from deltaopt.files.version import installed_version
 from deltaopt.motion.limit_sensitivity import as_dicts
 from deltaopt.motion.motion_sequence import MotionSequence
 from deltaopt.motion.trajectory import Trajectory
@@ -166,7 +166,7 @@ def frame(trajectory: Trajectory, rate: float = RATE) -> Any:
 
 def versions() -> dict[str, str | None]:
     """Of what a plan depends on."""
-    found = {name: _version(name) for name in ("deltaopt", "casadi", "numpy")}
+    found = {name: installed_version(name) for name in ("deltaopt", "casadi", "numpy")}
     return {"python": platform.python_version(), **found}
 
 
@@ -182,11 +182,3 @@ def _require_rows(trajectory: Trajectory, rate: float) -> None:
     most = highest_rate(trajectory)
     if rate > most:
         raise ValueError(f"rate is {rate:g} Hz; for {MOST_ROWS} rows it may be {most:.6g} at most")
-
-
-def _version(package: str) -> str | None:
-    """The version of an installed package; None if it is used without being installed."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
