@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
-import os
 import struct
 from pathlib import Path
 
+from deltaopt.files.atomic_write import to_disk
 from deltaopt.files.regular_file import content_of
 
 _LARGEST = 100
@@ -58,6 +58,5 @@ def put(built: Path, library: Path) -> None:
     digest = hash_file(built)
     digest.write_text(hashlib.sha256(built.read_bytes()).hexdigest())
     for file, name in ((built, library), (digest, hash_file(library))):
-        with file.open("rb+") as opened:
-            os.fsync(opened.fileno())
+        to_disk(file)
         file.replace(name)
