@@ -32,6 +32,9 @@ _STEP = 1e-4
 _STIFF = f'solref="{2 * _STEP} 1" solimp="0.9999 0.9999 0.001"'
 """Joints as stiff as MuJoCo permits: its own values suit contacts, and let the platform sag."""
 
+TO_WORLD = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+"""From the base's frame to one whose third axis is up."""
+
 
 def mjcf(robot: Robot, payload: float | None = None, start: Vector3 | None = None) -> str:
     """The robot with a payload (kg) as text in MuJoCo's format; world axes with z up.
@@ -50,9 +53,7 @@ def mjcf(robot: Robot, payload: float | None = None, start: Vector3 | None = Non
             )
     place = _below_the_base(robot) if start is None else np.array(start)
     q = model.inverse_kinematics(place)
-    centre = place - robot.tool_offset
-    x, y, z = robot.gravity_vector
-    world = (z, y, -x)
+    centre, world = place - robot.tool_offset, TO_WORLD @ robot.gravity_vector
     chains = "\n".join(_chain(robot, k, q) for k in range(3))
     connections = "\n".join(
         f'<connect site1="tip{k + 1}{side}" site2="corner{k + 1}{side}" {_STIFF}/>'

@@ -19,7 +19,7 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.errors import installed
 from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.mjcf import mjcf
+from deltaopt.output.mjcf import TO_WORLD, mjcf
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot, as_delta
 
@@ -28,9 +28,6 @@ STEPS = (2000, 4000, 8000)
 _LEAST_ORDER = 0.8
 """Power of the step that the miss must fall with. It is one within 0.1 for shipped scenes, with
 Coulomb friction too; for a robot or torques that are wrong it is near zero."""
-
-_TO_WORLD = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
-"""From the base's frame to MuJoCo's world."""
 
 
 class InMujoco:
@@ -79,7 +76,7 @@ class InMujoco:
             self.mujoco.mj_step(model, data)
         self.mujoco.mj_forward(model, data)
         goal = trajectory.position.at(trajectory.knots[-1:])[0]
-        return float(np.linalg.norm(data.site("tool").xpos - _TO_WORLD @ goal))
+        return float(np.linalg.norm(data.site("tool").xpos - TO_WORLD @ goal))
 
 
 def mean_torques(trajectory: Trajectory, count: int) -> Array:

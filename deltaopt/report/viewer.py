@@ -13,12 +13,11 @@ import numpy as np
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import installed
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.output.mjcf import TO_WORLD
 from deltaopt.plots.colours import BLACK, COLOURS, GREY
 from deltaopt.plots.robot_view import chains
 from deltaopt.robot.robot import Robot
 
-_TO_WORLD = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
-"""From the base's frame to the window's, whose third axis is up."""
 _FROM = np.array([1.3, 0.4, 0.3])
 """Where the window looks from at first, in units of the robot's reach from its middle: all of the
 robot is then seen, with y to the right and a little from above."""
@@ -29,7 +28,7 @@ _WIDTH = 3.0
 
 def to_world(points: Array) -> Array:
     """Points of the base's frame, (..., 3), m, in the window's."""
-    return np.asarray(np.asarray(points) @ _TO_WORLD.T, dtype=float)
+    return np.asarray(np.asarray(points) @ TO_WORLD.T, dtype=float)
 
 
 def lines_of_robot(robot: Robot, x: Array, theta: Array) -> list[Array]:
