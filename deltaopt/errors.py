@@ -78,6 +78,10 @@ class SceneError(Unusable):
         file, place = (file, place) if file else (self.file, self.place)
         return SceneError(file, dotted, self.value, self.expected, self.problem, place)
 
+    def renamed(self, key: str) -> SceneError:
+        """This error with another key."""
+        return SceneError(self.file, key, self.value, self.expected, self.problem, self.place)
+
 
 def shortened(text: str, limit: int = 120) -> str:
     """A text of at most ``limit`` characters: what is longer ends in dots."""

@@ -124,8 +124,7 @@ def _cycle(file: Path, content: dict[str, object]) -> Cycle:
         return Cycle.model_validate({"legs": tuple(legs), "dwells": dwells, **fields})
     except SceneError as error:
         key = {"rms_torque": "limits.rms_torque", "legs": "cycle"}.get(error.key, error.key)
-        named = SceneError(None, key, error.value, error.expected, error.problem)
-        raise named.inside(file=file, place=place_of(file, key)) from None
+        raise error.renamed(key).inside(file=file, place=place_of(file, key)) from None
 
 
 def load_job(path: str | Path) -> Scene | Cycle:
@@ -158,8 +157,7 @@ def _scene(file: Path, content: dict[str, object], named: Callable[[str], str]) 
         return Scene.model_validate(_with_all_points(file, content))
     except SceneError as error:
         key = named(error.key)
-        found = SceneError(None, key, error.value, error.expected, error.problem)
-        raise found.inside(file=file, place=place_of(file, key)) from None
+        raise error.renamed(key).inside(file=file, place=place_of(file, key)) from None
 
 
 def _with_all_points(file: Path, content: Mapping[str, object]) -> dict[str, object]:
