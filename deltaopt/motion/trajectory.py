@@ -253,11 +253,20 @@ def phase_durations(problem: Problem, trajectory: Trajectory) -> tuple[float, ..
     return tuple(b - a for a, b in pairwise(at))
 
 
+def start_of(position: PiecewisePolynomial) -> Vector3:
+    """Where a motion begins, m."""
+    return vector3(position.at(position.knots[:1])[0])
+
+
+def end_of(position: PiecewisePolynomial) -> Vector3:
+    """Where a motion ends, m."""
+    return vector3(position.at(position.knots[-1:])[0])
+
+
 def goal_of(problem: Problem, trajectory: Trajectory) -> Boundary:
     """The state that a motion is to end in: on a belt it depends on the motion's duration, and at
     rest anywhere it is where the motion ends."""
-    reached = vector3(trajectory.position.at(trajectory.knots[-1:])[0])
-    return problem.goal.at(trajectory.duration, reached)
+    return problem.goal.at(trajectory.duration, end_of(trajectory.position))
 
 
 def ends_of(problem: Problem, trajectory: Trajectory) -> Array:

@@ -12,9 +12,9 @@ from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import NO_PLAN, if_possible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.time_scaling import highest_rows
-from deltaopt.motion.trajectory import Trajectory, moving_on
+from deltaopt.motion.trajectory import Trajectory, end_of, moving_on
 from deltaopt.planning.first_motions.around_bodies import is_clear
-from deltaopt.planning.first_motions.moving_ends import end_of, from_rest
+from deltaopt.planning.first_motions.moving_ends import from_rest
 from deltaopt.planning.mesh.kept_limits import KEPT
 from deltaopt.planning.plan import Plan, plan_as_it_is
 from deltaopt.problem.boundary import REST

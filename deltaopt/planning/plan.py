@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from deltaopt.files.validated_record import Vector3, vector3
+from deltaopt.files.validated_record import Vector3
 from deltaopt.later import loaded
 from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.limit_sensitivity import (
@@ -20,7 +20,7 @@ from deltaopt.motion.limit_sensitivity import (
 )
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.running_cost import cost as cost_of
-from deltaopt.motion.trajectory import Trajectory, moving_on, phase_durations
+from deltaopt.motion.trajectory import Trajectory, end_of, moving_on, phase_durations
 from deltaopt.planning.journal import Entry
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
@@ -140,7 +140,7 @@ class Plan:
     @property
     def reached(self) -> Vector3:
         """Where the platform is at the end, m."""
-        return vector3(self.trajectory.position.at(self.trajectory.knots[-1:])[0])
+        return end_of(self.trajectory.position)
 
     @property
     def phases(self) -> tuple[float, ...]:

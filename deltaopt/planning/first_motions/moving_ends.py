@@ -16,7 +16,7 @@ from deltaopt.curves.piecewise import Array, PiecewisePolynomial, quintic_rest
 from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.motion.loads import sizes_at
-from deltaopt.motion.trajectory import Trajectory
+from deltaopt.motion.trajectory import Trajectory, end_of, start_of
 from deltaopt.planning.first_motions.belt import Meetings
 from deltaopt.planning.first_motions.initial_motion import Proposal
 from deltaopt.planning.first_motions.order_of_merit import first_motion
@@ -149,16 +149,6 @@ def _after_waiting(start: Boundary, goal: Boundary, time: float) -> Family:
 def from_rest(scene: Scene, place: Vector3) -> Scene:
     """The scene from rest at a place (m) instead of its start."""
     return scene.model_copy(update={"start": place})
-
-
-def start_of(position: PiecewisePolynomial) -> Vector3:
-    """Where a motion begins, m."""
-    return vector3(position.at(position.knots[:1])[0])
-
-
-def end_of(position: PiecewisePolynomial) -> Vector3:
-    """Where a motion ends, m."""
-    return vector3(position.at(position.knots[-1:])[0])
 
 
 def _onwards(scene: Scene, before: PiecewisePolynomial, most: float) -> Iterator[Trajectory]:

@@ -17,11 +17,10 @@ from deltaopt.curves.piecewise import Array, PiecewisePolynomial, spline_rates
 from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.time_scaling import rough_factor
-from deltaopt.motion.trajectory import Trajectory
+from deltaopt.motion.trajectory import Trajectory, end_of
 from deltaopt.planning.first_motions.belt import Meetings
 from deltaopt.planning.first_motions.initial_motion import Proposal
 from deltaopt.planning.first_motions.moving_ends import (
-    end_of,
     first_between,
     first_moving_motions,
     from_rest,

@@ -13,9 +13,9 @@ from functools import reduce
 from itertools import pairwise
 
 from deltaopt.files.validated_record import Vector3
-from deltaopt.motion.trajectory import Trajectory
+from deltaopt.motion.trajectory import Trajectory, end_of, start_of
 from deltaopt.planning.first_motions.initial_motion import Proposal
-from deltaopt.planning.first_motions.moving_ends import end_of, run_up_to, start_of, stopping
+from deltaopt.planning.first_motions.moving_ends import run_up_to, stopping
 from deltaopt.planning.first_motions.through_gates import places_of_gates
 from deltaopt.planning.plan import Plan
 from deltaopt.problem.boundary import REST

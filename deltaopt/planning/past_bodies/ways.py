@@ -14,7 +14,7 @@ from math import dist, inf
 import numpy as np
 
 from deltaopt.errors import ENDS_AN_ATTEMPT, DeltaOptError, Infeasible, if_possible
-from deltaopt.motion.trajectory import Trajectory
+from deltaopt.motion.trajectory import Trajectory, end_of, start_of
 from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.first_motions.around_bodies import (
     CLEAR,
@@ -24,7 +24,7 @@ from deltaopt.planning.first_motions.around_bodies import (
     ways_around,
 )
 from deltaopt.planning.first_motions.initial_motion import Proposal
-from deltaopt.planning.first_motions.moving_ends import end_of, from_state_to_state, start_of
+from deltaopt.planning.first_motions.moving_ends import from_state_to_state
 from deltaopt.planning.past_bodies.near_bodies import near, past_these, those_hit, with_those_hit
 from deltaopt.planning.plan import Plan, TakenWay, quicker
 from deltaopt.planning.refinement import Slower
