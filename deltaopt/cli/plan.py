@@ -44,6 +44,7 @@ from deltaopt.cli.streams import (
     present,
     print_json,
     print_written,
+    print_written_in,
     say,
     say_failures,
     told_meanwhile,
@@ -167,7 +168,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--rated",
         action="store_true",
-        help="there and back without a pause, as fast as the motors' rated torques allow for ever",
+        help="there and back with the payload both ways, without a pause, as fast as the motors' "
+        "rated torques allow for ever",
     )
     parser.add_argument(
         "--rate",
@@ -303,7 +305,7 @@ def _plan_cycle(file: Path, directory: Path, cycle: Cycle, arguments: argparse.N
         more = details_of_cycle(found, verification) if arguments.details else ()
         print(f"{verdict(verification)}: ", end="")
         print(*told_of_cycle(found, verification), *more, sep="\n", flush=True)
-        print_written(files, before)
+        print_written_in(directory, files, before)
         _print_sensitivities(found, arguments)
     return say_failures(verification.failures())
 

@@ -138,6 +138,15 @@ def print_written(files: Iterable[Path], before: Container[Path]) -> None:
             print(f"{what}:", ", ".join(map(str, those)))
 
 
+def print_written_in(folder: Path, files: Iterable[Path], before: Container[Path]) -> None:
+    """Say how many files were written into a folder and into those in it, and how many of them are
+    in place of what was there ``before``: ``present(folder)``."""
+    were = [file in before or file.parent in before for file in files]
+    for what, number in (("written", were.count(False)), ("replaced", were.count(True))):
+        if number:
+            print(f"{what}: {folder} ({number} file{'s' * (number > 1)})")
+
+
 def flush() -> None:
     """Write out what was printed, so that errors of the output are raised here.
 

@@ -142,12 +142,7 @@ class Run(Loop):
             if perf_counter() - begin > search.seconds:
                 break
         best, led = so_far.best_known(), len(so_far.plans) - len(known)
-        saved = 1 - best.cost / known[0].cost if known else 0.0
-        searched = (
-            f"beside the usual first motions {so_far.tried - 1} more, other ways and random ones, "
-            f"led to {led} plans, the best of all {saved:.2%} below the usual one; any others "
-            "were not looked at"
-        )
+        searched = _what_came_of(so_far.tried - 1, led, best, known[0] if known else None)
         ways = best.ways or (known[0].ways if known else ())
         return replace(best, searched=searched, ways=ways)
 
@@ -372,3 +367,23 @@ def _resolvable(found: Plan) -> Plan:
             f"resolve; at least {_SHORTEST_WAY:g} m are needed"
         )
     return found
+
+
+def _what_came_of(tried: int, led: int, best: Plan, usual: Plan | None) -> str:
+    """In words, what so many other first motions, ``led`` of them to plans, gained beside the
+    ``usual`` plan; None if there is none."""
+    begin = f"{tried} more first motion{' was' if tried == 1 else 's were'} tried"
+    if usual is None:
+        result = f"the usual ones led to no plan, {led} of these did"
+    elif led == 0:
+        result = "none led to a plan"
+    else:
+        saved, is_time = 1 - best.cost / usual.cost, isinstance(best.scene.objective, Time)
+        if saved > usual.tolerance:
+            by = f"{100 * saved:.2g} %"
+            result = f"the best is {by} faster" if is_time else f"the best costs {by} less"
+        else:
+            better = "faster" if is_time else "better"
+            result = f"none is {better} by more than the tolerance"
+        result = result if led == tried else f"{led} led to a plan, {result}"
+    return f"{begin}, other ways and random ones: {result}; any others were not looked at"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import islice
 from pathlib import Path
 
@@ -40,7 +41,14 @@ def test_starts_add_to_the_usual_plan(task):
     usual, found = plan(scene), plan(scene, starts=3)
     assert found.duration <= usual.duration
     assert found.gap <= 1e-3
-    assert "2 more" in found.searched
+    assert found.searched.startswith("2 more first motions were tried")
+    saved = 1 - found.duration / usual.duration
+    gained = re.search(r"the best is (\S+) % faster", found.searched)
+    if gained:
+        assert float(gained[1]) == pytest.approx(100 * saved, rel=0.06)
+    else:
+        assert "none is faster by more than the tolerance" in found.searched
+        assert saved <= found.tolerance
     assert not usual.searched
     assert verify(scene, found.trajectory).ok
 
@@ -67,7 +75,9 @@ def test_others_are_looked_at_where_the_usual_ones_lead_to_no_plan(monkeypatch):
 
     monkeypatch.setattr(Loop, "by_merit", none)
     scene = Scene(robot=ROBOT, payload=1.0, start=START, goal=GOAL)
-    assert plan(scene, starts=2).gap <= 1e-3
+    found = plan(scene, starts=2)
+    assert found.gap <= 1e-3
+    assert "the usual ones led to no plan, 1 of these did" in found.searched
     with pytest.raises(NotConverged):
         plan(scene)
 
