@@ -276,6 +276,11 @@ def installed(package: str, extra: str) -> Any:
     try:
         return import_module(package)
     except ImportError:
-        raise MissingPackage(
-            f"{package} is not installed: pip install 'deltaopt[{extra}]'"
-        ) from None
+        raise MissingPackage(f"{package} is not installed: {how_to_install(extra)}") from None
+
+
+def how_to_install(extra: str) -> str:
+    """What installs an extra: in a clone, and where a wheel is installed."""
+    return (
+        f"pip install -e '.[{extra}]' in the clone, or pip install 'deltaopt[{extra}]' with a wheel"
+    )

@@ -1,6 +1,6 @@
 """The moving picture at the head of README.md: report.html of a plan, by a headless Chromium.
 
-Takes `pip install 'deltaopt[browser]'` and a Chromium. The robot of the page is photographed at
+Takes `pip install -e '.[browser]'` and a Chromium. The robot of the page is photographed at
 equal steps of the motion, which are written as animation.gif.
 """
 

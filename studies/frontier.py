@@ -257,6 +257,6 @@ def run(arguments: argparse.Namespace) -> int:
         p.method for p in found
     }
     if absent:
-        print(f"not installed: {', '.join(sorted(absent))}: pip install 'deltaopt[bench]'")
+        print(f"not installed: {', '.join(sorted(absent))}: pip install -e '.[bench]'")
     draw(found, file.with_suffix(".png"))
     return 0

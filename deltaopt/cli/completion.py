@@ -13,7 +13,7 @@ for fish:
 
   deltaopt completion fish > ~/.config/fish/completions/deltaopt.fish
 
-The package shtab writes it: pip install 'deltaopt[completion]'.
+The package shtab writes it: pip install -e '.[completion]' in the clone.
 """
 
 from __future__ import annotations

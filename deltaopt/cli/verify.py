@@ -74,8 +74,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--with",
         dest="other",
         choices=("mujoco",),
-        help="replay a plan's torques in another program too, which needs pip install "
-        "'deltaopt[mujoco]'",
+        help="replay a plan's torques in another program too, which needs the extra mujoco: "
+        "pip install -e '.[mujoco]' in the clone",
     )
     parser.add_argument(
         "--controller-angles",

@@ -1,8 +1,8 @@
 """Look at a saved plan in a browser: the robot in three dimensions, with a slider for the time.
 
 A small server runs until Ctrl-C, which only this machine reaches; its address is printed. It needs
-the package viser: pip install 'deltaopt[view]'. The page that "deltaopt plan --report" writes needs
-neither, and says more.
+the package viser: pip install -e '.[view]' in the clone. The page that "deltaopt plan --report"
+writes needs neither, and says more.
 """
 
 from __future__ import annotations

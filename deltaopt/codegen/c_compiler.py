@@ -1,4 +1,4 @@
-"""C compilers: those of the machine, and the one that the extra ``deltaopt[compiler]`` installs.
+"""C compilers: those of the machine, and the one that the extra ``compiler`` installs.
 
 The C of this package uses vectors as GCC and Clang have them. Microsoft's cl has none and is not
 looked for; nor, on Windows, are GCC, which aligns the stack for no vector of 32 bytes there, and
@@ -20,6 +20,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
+
+from deltaopt.errors import how_to_install
 
 FLAGS = (
     "-O3",
@@ -55,7 +57,7 @@ LEVELS = (Level("avx2", ("-mavx2", "-mfma"), ("avx2", "fma")), BASELINE) if _X86
 """Levels of this family of processors, the fastest first. A plan takes as long at the first as if
 compiled for the very processor, and twice as long at the last (docs/installation.md)."""
 
-EXTRA = "pip install 'deltaopt[compiler]'"
+EXTRA = how_to_install("compiler")
 """What installs a compiler where the system has none."""
 
 _NAMES = () if os.name == "nt" else ("gcc", "cc", "clang")

@@ -15,7 +15,9 @@ def test_without_shtab_one_sentence(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "shtab", None)
     assert main(["completion", "bash"]) == 1
     said = capsys.readouterr().err
-    assert said == "deltaopt: shtab is not installed: pip install 'deltaopt[completion]'\n"
+    in_clone = "pip install -e '.[completion]' in the clone"
+    with_wheel = "pip install 'deltaopt[completion]' with a wheel"
+    assert said == f"deltaopt: shtab is not installed: {in_clone}, or {with_wheel}\n"
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not installed")

@@ -180,7 +180,8 @@ def test_the_interpreter_is_said_once(caplog, monkeypatch):
     (said,) = caplog.messages
     assert said == (
         "CasADi interprets, some 100 times as slow: no C compiler found; "
-        "install gcc, or pip install 'deltaopt[compiler]'"
+        "install gcc, or pip install -e '.[compiler]' in the clone, "
+        "or pip install 'deltaopt[compiler]' with a wheel"
     )
 
 

@@ -141,4 +141,4 @@ def test_missing_mpmath_is_one_sentence(
         monkeypatch.delitem(sys.modules, module)
     monkeypatch.setitem(sys.modules, "mpmath", None)
     assert main(["compare", "dynamics"]) == 1
-    assert "pip install 'deltaopt[compare]'" in capsys.readouterr().err
+    assert "digits: pip install -e '.[compare]' in the clone" in capsys.readouterr().err

@@ -82,7 +82,9 @@ def test_without_mujoco_one_sentence(tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     assert main(["verify", str(tmp_path), "--with", "mujoco"]) == 1
     said = capsys.readouterr().err
-    assert said == "deltaopt: mujoco is not installed: pip install 'deltaopt[mujoco]'\n"
+    in_clone = "pip install -e '.[mujoco]' in the clone"
+    with_wheel = "pip install 'deltaopt[mujoco]' with a wheel"
+    assert said == f"deltaopt: mujoco is not installed: {in_clone}, or {with_wheel}\n"
 
 
 def test_a_table_has_no_torques(tmp_path, capsys):

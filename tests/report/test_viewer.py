@@ -117,4 +117,6 @@ def test_without_viser_one_sentence(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "viser", None)
     assert main(["view", str(tmp_path)]) == 1
     said = capsys.readouterr().err
-    assert said == "deltaopt: viser is not installed: pip install 'deltaopt[view]'\n"
+    in_clone = "pip install -e '.[view]' in the clone"
+    with_wheel = "pip install 'deltaopt[view]' with a wheel"
+    assert said == f"deltaopt: viser is not installed: {in_clone}, or {with_wheel}\n"

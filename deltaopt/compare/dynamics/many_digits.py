@@ -13,13 +13,13 @@ from typing import Any
 
 import casadi as ca
 
-from deltaopt.errors import MissingPackage
+from deltaopt.errors import MissingPackage, how_to_install
 
 try:
     import mpmath
 except ImportError as error:
     raise MissingPackage(
-        "mpmath is needed to compute with many digits: pip install 'deltaopt[compare]'"
+        f"mpmath is needed to compute with many digits: {how_to_install('compare')}"
     ) from error
 
 Number = Any
