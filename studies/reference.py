@@ -41,7 +41,7 @@ What limits mean: [limits](limits.md). What goes together: [combinations](combin
 key `cycle` instead of `goal` a file is a [cycle](cycles.md#keys), which explains its keys `cycle`,
 `dwell`, `period` and `limits.rms_torque`; [cell.yaml](../problems/cycles/cell.yaml) has most."""
 _BESIDE: dict[str, tuple[Any, str]] = {
-    "duration": (None, f"{EXPECTED_DURATION}: of a motion of least effort, jerk or torque rates"),
+    "duration": (None, f"with an objective of effort, jerk or torque_rate: {EXPECTED_DURATION}"),
     "tool": (Robot.model_fields["tool"].annotation, "instead of the robot's"),
 }
 """Types and meanings of the keys of a scene that its record takes apart before it reads them."""

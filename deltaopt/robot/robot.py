@@ -124,7 +124,7 @@ class Robot(Machine):
     """
 
     name: Name = Field(description="the robot's name, a line of at most 200 printable characters")
-    source: Text | None = optional("a text saying whence the numbers come")
+    source: Text | None = optional("a text that says where the numbers come from")
     base_radius: Annotated[NonNegative, LENGTH] = Field(description="a length in m, at least 0")
     platform_radius: Annotated[NonNegative, LENGTH] = Field(description="a length in m, at least 0")
     upper_arm: UpperArm = Field(description="a mapping with the keys length and mass")

@@ -40,7 +40,7 @@ class ApproachAtEnd(Record):
 
 class Approach(Record):
     """The cylinders at ``start`` and ``goal``; between them the motion stays above the lower of
-    both heights."""
+    their two tops."""
 
     start: ApproachAtEnd = Field(description="a mapping with the keys height and radius, in m")
     goal: ApproachAtEnd = Field(description="a mapping with the keys height and radius, in m")
