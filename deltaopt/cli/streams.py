@@ -7,7 +7,7 @@ import json
 import os
 import sys
 import unicodedata
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TextIO
@@ -127,12 +127,14 @@ def present(directory: Path) -> set[Path]:
     return set(directory.iterdir()) if directory.is_dir() else set()
 
 
-def print_written(files: Iterable[Path], before: Container[Path]) -> None:
-    """Say which files were written, and which of them were there ``before`` and are replaced."""
+def print_written(files: Iterable[Path], before: Collection[Path]) -> None:
+    """Say which files were written, which of them were there ``before`` and are replaced, and what
+    was there and has been removed."""
     files = list(files)
     for what, those in (
         ("written", [file for file in files if file not in before]),
         ("replaced", [file for file in files if file in before]),
+        ("removed", sorted(file for file in before if not file.exists())),
     ):
         if those:
             print(f"{what}:", ", ".join(map(str, those)))

@@ -6,7 +6,7 @@ import errno
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
@@ -20,16 +20,20 @@ except ImportError:  # Windows, which has other locks; files that are open canno
 
 _HIDDEN = ".deltaopt-"
 """Beginning of the names of folders in which files are written before they appear."""
-_REPLACED = ".replaced"
+_REPLACED, _LEAVING = ".replaced", ".leaving"
+"""In such a folder: what the files replace, and the names of earlier files that leave."""
+Earlier = Callable[[Path], Iterable[str]]
+"""Gives the names of files in a directory that do not belong beside new ones."""
 
 
 @contextmanager
-def all_or_none(directory: Path) -> Iterator[Path]:
-    """Give an empty folder to write files to, which all are in ``directory`` at the end.
+def all_or_none(directory: Path, earlier: Earlier = lambda directory: ()) -> Iterator[Path]:
+    """Give an empty folder to write files and folders to, which are in ``directory`` at the end.
 
-    The directory is made if need be. Files there that have the same names are replaced, all others
-    stay. If anything is raised in between, the directory is left as it was, or not made. Processes
-    that write to the same directory wait for each other: it holds the files of one of them.
+    The directory is made if need be. Files there that have the same names are replaced; those
+    whose names ``earlier`` gives leave; all others stay. If anything is raised in between, the
+    directory is left as it was, or not made. Processes that write to the same directory wait for
+    each other: it holds the files of one of them.
 
     Raises OSError, which names the file in ``directory``, if it cannot be written, or must not be
     replaced.
@@ -40,10 +44,10 @@ def all_or_none(directory: Path) -> Iterator[Path]:
             hidden = _hidden_folder(directory, undo)
         try:
             yield hidden
-            for file in hidden.iterdir():
-                to_disk(file)
+            for name in _names(hidden):
+                to_disk(hidden / name)
             with requests_held():
-                _appear(hidden, directory)
+                _appear(hidden, directory, earlier)
         except OSError as error:
             raise _named_as_in(directory, error, hidden) from error
 
@@ -113,7 +117,13 @@ def _remove_if_empty(directory: Path) -> None:
         directory.rmdir()
 
 
-def _appear(hidden: Path, directory: Path) -> None:
+def _names(hidden: Path) -> list[Path]:
+    """Of the files that are to appear, as seen from the hidden folder."""
+    names = (file.relative_to(hidden) for file in sorted(hidden.rglob("*")) if file.is_file())
+    return [name for name in names if name.parts[0] not in (_REPLACED, _LEAVING)]
+
+
+def _appear(hidden: Path, directory: Path, earlier: Earlier) -> None:
     """Move all files into the directory: under its name if it is new, else each under its own."""
     if not directory.is_dir() and _renamed(hidden, directory):
         for left in _abandoned(directory.parent):
@@ -122,7 +132,7 @@ def _appear(hidden: Path, directory: Path) -> None:
     with locked(directory):
         for left in _abandoned(directory):
             _complete(left, directory)
-        _replace(sorted(hidden.iterdir()), directory)
+        _replace(hidden, directory, earlier)
 
 
 def _renamed(hidden: Path, directory: Path) -> bool:
@@ -134,24 +144,36 @@ def _renamed(hidden: Path, directory: Path) -> bool:
     return True
 
 
-def _replace(files: list[Path], directory: Path) -> None:
-    """Move files into a directory; if one cannot be moved, what was replaced comes back.
+def _replace(hidden: Path, directory: Path, earlier: Earlier) -> None:
+    """Move files into a directory; if one cannot be moved, what was replaced or left comes back.
 
     Old files leave before new ones come: there is never a motion beside the record of another.
     """
-    targets = [directory / file.name for file in files]
-    for target in targets:
-        require_replaceable(target)
-    replaced = files[0].parent / _REPLACED
-    replaced.mkdir()
+    names = _names(hidden)
+    leaving = [name for name in map(Path, earlier(directory)) if _exists(directory / name)]
+    leaving = [name for name in leaving if name not in names]
+    for name in (*names, *leaving):
+        require_replaceable(directory / name)
+    (hidden / _LEAVING).write_text("\n".join(map(str, leaving)), encoding="utf-8")
+    (hidden / _REPLACED).mkdir()
     with ExitStack() as undo:
-        for target in filter(_exists, targets):
-            target.rename(replaced / target.name)
-            undo.callback((replaced / target.name).replace, target)
-        for file, target in zip(files, targets, strict=True):
-            file.rename(target)
-            undo.callback(target.unlink)
+        for name in names:
+            undo.callback(_remove_if_empty, (directory / name).parent)
+        for name in (*names, *leaving):
+            if _exists(directory / name):
+                _move(directory / name, hidden / _REPLACED / name)
+                undo.callback((hidden / _REPLACED / name).replace, directory / name)
+        for name in names:
+            _move(hidden / name, directory / name)
+            undo.callback((directory / name).unlink)
         undo.pop_all()
+    for name in leaving:
+        _remove_if_empty((directory / name).parent)
+
+
+def _move(file: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    file.rename(target)
 
 
 def _abandoned(folder: Path) -> Iterator[Path]:
@@ -165,8 +187,10 @@ def _complete(hidden: Path, directory: Path) -> None:
     """Remove a hidden folder; if its files were being moved into the directory, all are first."""
     with suppress(OSError):  # it stays for another time
         if (hidden / _REPLACED).is_dir():
-            for file in filter(Path.is_file, list(hidden.iterdir())):
-                file.replace(directory / file.name)
+            for name in (hidden / _LEAVING).read_text(encoding="utf-8").splitlines():
+                (directory / name).unlink(missing_ok=True)
+            for file in _names(hidden):
+                _move(hidden / file, directory / file)
         shutil.rmtree(hidden)
 
 

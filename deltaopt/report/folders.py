@@ -12,7 +12,13 @@ from deltaopt.output.facts import Facts, facts
 from deltaopt.output.plan_files import RATE, TABLE
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.plan import Plan
+from deltaopt.scene.cycle import MOST_LEGS
 from deltaopt.verify.cycle import CycleVerification
+
+_CHART, _CHART_OF_CYCLE, _LIMITS, _REPORT = "plan.png", "cycle.png", "limits.png", "report.html"
+_RECORDS = (plan_files.RECORD, cycle_files.RECORD)
+_NAMES = (TABLE, *_RECORDS, _CHART, _CHART_OF_CYCLE, _LIMITS, _REPORT)
+"""Of all files that a plan or a cycle may have."""
 
 
 @dataclass(frozen=True)
@@ -37,30 +43,45 @@ def save_plan(plan: Plan, directory: str | Path, **drawn: bool) -> list[Path]:
 def save(directory: Path, facts: Facts, rate: float, drawn: Drawn) -> list[Path]:
     """Write the files of a plan into a directory, made if need be, and return their paths.
 
-    All of them appear there at once, or none; what else is there stays. ``rate``: instants per
-    second in trajectory.csv, Hz. Raises OSError, naming the file, if one cannot be written.
+    All of them appear there at once, or none. The files of an earlier plan or cycle leave; what
+    else is there stays. ``rate``: instants per second in trajectory.csv, Hz. Raises OSError, naming
+    the file, if one cannot be written.
     """
-    written = [TABLE, plan_files.RECORD]
-    with all_or_none(directory) as folder:
-        plan_files.write_motion(folder / TABLE, facts.plan.trajectory, rate)
-        plan_files.write_json(folder / plan_files.RECORD, facts)
-        if drawn.chart:
-            from deltaopt.plots.plan import draw  # slow to import
-
-            written.append("plan.png")
-            lines, duty = facts.straight_lines, facts.verification.duty
-            draw(folder / written[-1], facts.plan.scene, facts.plan.trajectory, lines, duty)
-        if drawn.limits:
-            from deltaopt.plots.limits import draw_limits
-
-            written.append("limits.png")
-            draw_limits(folder / written[-1], facts)
-        if drawn.report:
-            from deltaopt.report.page import write_report
-
-            written.append("report.html")
-            write_report(folder / written[-1], facts)
+    with all_or_none(directory, _earlier) as folder:
+        written = _write(folder, facts, rate, drawn)
     return [directory / name for name in written]
+
+
+def _write(folder: Path, facts: Facts, rate: float, drawn: Drawn) -> list[str]:
+    """Write the files of a plan, and return their names."""
+    written = [TABLE, plan_files.RECORD]
+    plan_files.write_motion(folder / TABLE, facts.plan.trajectory, rate)
+    plan_files.write_json(folder / plan_files.RECORD, facts)
+    if drawn.chart:
+        from deltaopt.plots.plan import draw  # slow to import
+
+        written.append(_CHART)
+        lines, duty = facts.straight_lines, facts.verification.duty
+        draw(folder / _CHART, facts.plan.scene, facts.plan.trajectory, lines, duty)
+    if drawn.limits:
+        from deltaopt.plots.limits import draw_limits
+
+        written.append(_LIMITS)
+        draw_limits(folder / _LIMITS, facts)
+    if drawn.report:
+        from deltaopt.report.page import write_report
+
+        written.append(_REPORT)
+        write_report(folder / _REPORT, facts)
+    return written
+
+
+def _earlier(directory: Path) -> list[str]:
+    """Names of the files that a plan or a cycle may have which was saved to a directory before;
+    none where no record says that one was."""
+    plan, cycle = ((directory / record).exists() for record in _RECORDS)
+    legs = [f"{cycle_files.folder_of(index)}/" for index in range(MOST_LEGS)] if cycle else []
+    return [f"{place}{name}" for place in ("", *legs) for name in _NAMES if plan or cycle]
 
 
 def save_cycle(
@@ -69,28 +90,28 @@ def save_cycle(
     """Write the files of a planned cycle into a directory, made if need be; return their paths.
 
     Each leg has a folder there, as a plan of its own has, from which all commands on plans work.
+    All of them appear there at once, or none. The files of an earlier plan or cycle leave.
     ``rate``: instants per second in tables, Hz. Raises OSError, naming the file, if one cannot be
     written.
     """
-    legs = list[Path]()
-    for index, (leg, measures) in enumerate(zip(plan.legs, verification.legs, strict=True)):
-        facts = Facts(leg, measures)
-        of_leg = Drawn(chart=False, limits=drawn.limits)
-        legs += save(directory / cycle_files.folder_of(index), facts, rate, of_leg)
-    written = [TABLE, cycle_files.RECORD]
+    written, legs = [TABLE, cycle_files.RECORD], list[str]()
     record = cycle_files.content_of_cycle(plan, verification)
-    with all_or_none(directory) as folder:
+    with all_or_none(directory, _earlier) as folder:
+        for index, (leg, measures) in enumerate(zip(plan.legs, verification.legs, strict=True)):
+            facts = Facts(leg, measures)
+            own, of_leg = cycle_files.folder_of(index), Drawn(chart=False, limits=drawn.limits)
+            (folder / own).mkdir()
+            legs += [f"{own}/{name}" for name in _write(folder / own, facts, rate, of_leg)]
         cycle_files.write_cycle(folder / TABLE, plan, rate)
         plan_files.write_record(folder / cycle_files.RECORD, record)
         if drawn.chart:
             from deltaopt.plots.cycle import draw_cycle  # slow to import
 
-            written.append("cycle.png")
-            draw_cycle(folder / written[-1], plan)
+            written.append(_CHART_OF_CYCLE)
+            draw_cycle(folder / _CHART_OF_CYCLE, plan)
         if drawn.report:
             from deltaopt.report.page import cycle_report
 
-            written.append("report.html")
-            text = cycle_report(plan, verification)
-            (folder / written[-1]).write_text(text, encoding="utf-8")
-    return [*(directory / name for name in written), *legs]
+            written.append(_REPORT)
+            (folder / _REPORT).write_text(cycle_report(plan, verification), encoding="utf-8")
+    return [directory / name for name in (*written, *legs)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from itertools import combinations
 from pathlib import Path
 
@@ -134,8 +135,32 @@ def test_rated_is_there_and_back_for_ever(tmp_path, capsys):
     assert files == f"written: {tmp_path / 'rated'} ({number} files)"
     content = json.loads((tmp_path / "rated/cycle.json").read_text())
     assert max(content["rms_torque"]) == pytest.approx(content["rms_limits"][0], rel=1e-3)
+    assert_written_over(scene, tmp_path / "rated")
+    capsys.readouterr()
     assert main(["plan", str(PROBLEMS / "pick_and_place.yaml"), "--rated"]) == 2
     assert "does not say what motors are rated for" in capsys.readouterr().err
+
+
+def assert_written_over(scene, folder):
+    """A folder has the files of what was last written to it, cycle or plan, and those of others."""
+
+    def names():
+        files = (file for file in folder.rglob("*") if file.is_file())
+        return {file.relative_to(folder).as_posix() for file in files}
+
+    cycle, plan = names(), {"trajectory.csv", "plan.json"}
+    (folder / "leg_2" / "notes.txt").touch()
+    shutil.copytree(folder / "leg_1", folder / "leg_3")
+    assert main(["plan", scene, "--baseline", "-o", str(folder)]) == 0
+    assert names() == {*plan, "plan.png", "leg_2/notes.txt"}
+    assert main(["verify", str(folder)]) == 0
+    assert main(["plan", scene, "--rated", "-o", str(folder), "--no-plot"]) == 0
+    assert names() == {*cycle, "leg_2/notes.txt"}
+    other = folder.parent / "scenes"  # whose plans have names of legs, and are none
+    for name in ("leg_1", "."):
+        words = ["plan", scene, "--baseline", "--no-plot", "-o", str(other / name)]
+        assert main(words) == 0
+    assert load_plan(other / "leg_1").duration == load_plan(other).duration
 
 
 def test_options_of_single_motions_are_refused(capsys):

@@ -18,16 +18,20 @@ from deltaopt.files.output_folder import all_or_none, require_writable
 
 NEW = {"a.csv": "new a", "b.json": "new b"}
 OLD = {"a.csv": "old a", "b.json": "old b", "notes.txt": "mine"}
+EARLIER = {"deep/c.csv": "old c"}
 
 
 def write(folder: Path, texts: dict[str, str]) -> None:
     for name, text in texts.items():
+        if "/" in name:
+            (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")
 
 
 def content(folder: Path) -> dict[str, str]:
     """The text of each file; hidden ones too."""
-    return {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    return {path.relative_to(folder).as_posix(): path.read_text(encoding="utf-8") for path in files}
 
 
 @pytest.fixture
@@ -72,10 +76,23 @@ def test_a_file_that_cannot_be_moved_brings_back_the_others(old, monkeypatch):
         return rename(self, target)
 
     monkeypatch.setattr(Path, "rename", failing)
-    with pytest.raises(PermissionError) as told, all_or_none(old) as hidden:
-        write(hidden, NEW)
+    write(old, EARLIER)
+    with pytest.raises(PermissionError) as told, all_or_none(old, lambda _: EARLIER) as hidden:
+        write(hidden, {"a/new.csv": "new", **NEW})
     assert told.value.filename == str(old / "b.json")
-    assert content(old) == OLD
+    assert content(old) == {**OLD, **EARLIER}
+    assert not (old / "a").exists()
+
+
+@pytest.mark.parametrize("others", [{}, {"deep/notes.txt": "mine"}])
+def test_earlier_files_leave_unless_they_are_replaced(others, old):
+    """And a folder that is empty then; what is no file of these names stays."""
+    write(old, EARLIER | others)
+    names = [*EARLIER, "a.csv", "other", "nowhere/at.all"]
+    with all_or_none(old, lambda _: names) as hidden:
+        write(hidden, {"a.csv": "new a", "2/d.csv": "new d"})
+    assert content(old) == {**OLD, "a.csv": "new a", "2/d.csv": "new d", **others}
+    assert (old / "deep").exists() == bool(others)
 
 
 def test_a_folder_that_is_removed_meanwhile_is_named(tmp_path):
@@ -106,20 +123,22 @@ def last(self, target):
         os.kill(os.getpid(), signal.SIGKILL)
     return rename(self, target)
 Path.rename = last
-with all_or_none(folder) as hidden:
+with all_or_none(folder, lambda _: ["deep/c.csv"]) as hidden:
     for name in ("a.csv", "b.json"):
         (hidden / name).write_text("new " + name[0])
 """
 
 
-@pytest.mark.parametrize("moves", range(4))
+@pytest.mark.parametrize("moves", range(5))
 def test_what_a_killed_process_had_begun_to_move_is_completed(moves, old):
     """Killed between the moves of its files: old ones never stand beside new ones, and the next to
     write there, whatever it writes, brings what is missing."""
+    write(old, EARLIER)
     run = subprocess.run([sys.executable, "-c", KILLED, str(old), str(moves)])
     assert run.returncode == -signal.SIGKILL
-    between = {name: (old / name).read_text() for name in NEW if (old / name).exists()}
-    assert between.items() <= NEW.items() or between.items() <= OLD.items()
+    names = (*NEW, *EARLIER)
+    between = {name: (old / name).read_text() for name in names if (old / name).exists()}
+    assert between.items() <= NEW.items() or between.items() <= (OLD | EARLIER).items()
     with all_or_none(old) as hidden:
         write(hidden, {"other": "other"})
     assert content(old) == {**NEW, "notes.txt": "mine", "other": "other"}
