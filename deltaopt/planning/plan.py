@@ -191,8 +191,8 @@ class Plan:
 
         ``chart``: whether plan.png is drawn too, the plan as one picture. ``limits``: whether
         limits.png is, every limit over time. ``report``: whether report.html is written, a page on
-        which the robot moves. Files of a plan or a cycle that was there before are replaced or
-        removed. Returns the paths of what was written.
+        which the robot moves. Files of a cycle that was saved there are removed. Returns the
+        paths of what was written.
         """
         written: list[Path] = loaded("save_plan")(
             self, directory, chart=chart, limits=limits, report=report

@@ -4,6 +4,7 @@ page, all or none."""
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from deltaopt.files.output_folder import all_or_none
@@ -16,8 +17,8 @@ from deltaopt.scene.cycle import MOST_LEGS
 from deltaopt.verify.cycle import CycleVerification
 
 _CHART, _CHART_OF_CYCLE, _LIMITS, _REPORT = "plan.png", "cycle.png", "limits.png", "report.html"
-_RECORDS = (plan_files.RECORD, cycle_files.RECORD)
-_NAMES = (TABLE, *_RECORDS, _CHART, _CHART_OF_CYCLE, _LIMITS, _REPORT)
+_OF_PLAN, _OF_CYCLE = (plan_files.RECORD, _CHART), (cycle_files.RECORD, _CHART_OF_CYCLE)
+_NAMES = (TABLE, *_OF_PLAN, *_OF_CYCLE, _LIMITS, _REPORT)
 """Of all files that a plan or a cycle may have."""
 
 
@@ -43,11 +44,11 @@ def save_plan(plan: Plan, directory: str | Path, **drawn: bool) -> list[Path]:
 def save(directory: Path, facts: Facts, rate: float, drawn: Drawn) -> list[Path]:
     """Write the files of a plan into a directory, made if need be, and return their paths.
 
-    All of them appear there at once, or none. The files of an earlier plan or cycle leave; what
-    else is there stays. ``rate``: instants per second in trajectory.csv, Hz. Raises OSError, naming
-    the file, if one cannot be written.
+    All of them appear there at once, or none. The files of an earlier cycle leave; what else is
+    there stays. ``rate``: instants per second in trajectory.csv, Hz. Raises OSError, naming the
+    file, if one cannot be written.
     """
-    with all_or_none(directory, _earlier) as folder:
+    with all_or_none(directory, partial(_earlier, other=cycle_files.RECORD)) as folder:
         written = _write(folder, facts, rate, drawn)
     return [directory / name for name in written]
 
@@ -76,12 +77,13 @@ def _write(folder: Path, facts: Facts, rate: float, drawn: Drawn) -> list[str]:
     return written
 
 
-def _earlier(directory: Path) -> list[str]:
-    """Names of the files that a plan or a cycle may have which was saved to a directory before;
-    none where no record says that one was."""
-    plan, cycle = ((directory / record).exists() for record in _RECORDS)
-    legs = [f"{cycle_files.folder_of(index)}/" for index in range(MOST_LEGS)] if cycle else []
-    return [f"{place}{name}" for place in ("", *legs) for name in _NAMES if plan or cycle]
+def _earlier(directory: Path, other: str) -> list[str]:
+    """Names of the files in a directory that belong to a cycle of other legs, or to what has this
+    ``other`` record and is no plan where a cycle is saved, no cycle where a plan is."""
+    is_cycle = (directory / cycle_files.RECORD).exists()
+    places = [f"{cycle_files.folder_of(index)}/" for index in range(MOST_LEGS)] if is_cycle else []
+    places += [""] if (directory / other).exists() else []
+    return [f"{place}{name}" for place in places for name in _NAMES]
 
 
 def save_cycle(
@@ -90,13 +92,13 @@ def save_cycle(
     """Write the files of a planned cycle into a directory, made if need be; return their paths.
 
     Each leg has a folder there, as a plan of its own has, from which all commands on plans work.
-    All of them appear there at once, or none. The files of an earlier plan or cycle leave.
-    ``rate``: instants per second in tables, Hz. Raises OSError, naming the file, if one cannot be
-    written.
+    All of them appear there at once, or none. The files of an earlier plan, or of a cycle with
+    more legs, leave. ``rate``: instants per second in tables, Hz. Raises OSError, naming the file,
+    if one cannot be written.
     """
     written, legs = [TABLE, cycle_files.RECORD], list[str]()
     record = cycle_files.content_of_cycle(plan, verification)
-    with all_or_none(directory, _earlier) as folder:
+    with all_or_none(directory, partial(_earlier, other=plan_files.RECORD)) as folder:
         for index, (leg, measures) in enumerate(zip(plan.legs, verification.legs, strict=True)):
             facts = Facts(leg, measures)
             own, of_leg = cycle_files.folder_of(index), Drawn(chart=False, limits=drawn.limits)
