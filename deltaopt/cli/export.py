@@ -32,13 +32,13 @@ from pathlib import Path
 
 from deltaopt.cli.arguments import WrongUsage, add_output, kilograms, positive
 from deltaopt.cli.streams import present, print_written
-from deltaopt.errors import DeltaOptError
+from deltaopt.errors import DeltaOptError, Infeasible, if_possible
 from deltaopt.files.atomic_write import require_replaceable
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.files.units import Misread, Quantity
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.cam_tables import CAM, Cams, write_cams
-from deltaopt.output.cycle_files import load_legs
+from deltaopt.output.cycle_files import load_legs, told_of_period
 from deltaopt.output.joint_table import (
     CUBIC,
     QUINTIC,
@@ -265,19 +265,33 @@ def _controllers_table(arguments: argparse.Namespace) -> tuple[JointTable, Robot
     for folder, plan, wait in legs:
         if len(legs) > 1:
             print(f"{folder.name}:")
-        tables.append(_checked(plan, folder, arguments))
+        tables.append(_checked(plan, folder, arguments, _rows_after(tables, arguments)))
         if wait is not None:
-            tables.append(checked_table(plan.scene, wait, arguments.cycle, how).table)
+            found = checked_table(plan.scene, wait, _rows_after(tables, arguments), how)
+            if not (found.demand.kept or arguments.anyway):
+                raise _refusal(f"the wait after {folder.name}: {found.sentence}", [])
+            tables.append(found.table)
     table, robot = JointTable.one_after_the_other(tables), as_delta(legs[0][1].scene.robot)
+    if len(legs) > 1:
+        print(*told_of_period(arguments.plan, float(table.t[-1])), sep="\n")
     remarks = tuple(dict.fromkeys(remark for each in tables for remark in each.remarks))
     return of_controller(replace(table, remarks=remarks), robot), robot
 
 
-def _checked(plan: SavedPlan, file: Path, arguments: argparse.Namespace) -> JointTable:
+def _rows_after(tables: list[JointTable], arguments: argparse.Namespace) -> Rows:
+    """Where the table of a motion has rows that follows others: at equal steps the last row of the
+    one before is its first, for a controller takes one row at each. Cams tell of two."""
+    rows: Rows = arguments.cycle
+    if rows.cycle is None or arguments.controller == CAM.name or not tables:
+        return rows
+    return replace(rows, begins=tuple(tables[-1].ddtheta[-1].tolist()))
+
+
+def _checked(plan: SavedPlan, file: Path, arguments: argparse.Namespace, rows: Rows) -> JointTable:
     """The table of a saved plan with remarks on what is wrong, after saying what it asks for.
     Raises BeyondLimits."""
     trajectory, remarks = _verified(plan, file, arguments)
-    given = plan.scene, trajectory, arguments.cycle, INTERPOLATIONS[arguments.controller]
+    given = plan.scene, trajectory, rows, INTERPOLATIONS[arguments.controller]
     found = checked_table(*given)
     if not (found.demand.kept or arguments.anyway):
         kept = table_within_limits(*given)
@@ -331,13 +345,14 @@ def _refusal(asks: str, remedies: list[str]) -> BeyondLimits:
 def _remedies(scene: Scene, trajectory: Trajectory, kept: CheckedTable) -> list[str]:
     """Tables that keep the limits and cost no more than ``kept``, with their prices."""
     of_plc = kept.interpolation.name == "cam"
-    found = [
-        table_within_limits(scene, trajectory, rows, how)
+    tried = [
+        if_possible((Infeasible,), table_within_limits, scene, trajectory, rows, how)
         for rows in dict.fromkeys((Rows(), kept.rows))
         for how in INTERPOLATIONS.values()
         if (how.name == "cam") == of_plc
     ]
-    found = sorted((each for each in found if each.slowed <= kept.slowed), key=lambda e: e.slowed)
+    found = [each for each in tried if each is not None and each.slowed <= kept.slowed]
+    found = sorted(found, key=lambda each: each.slowed)
     return [
         ("" if of_plc else f"--controller {each.interpolation.name} ")
         + f"--cycle {each.rows.name} --keep-limits "

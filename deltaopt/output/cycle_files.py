@@ -81,6 +81,20 @@ def load_legs(path: Path) -> list[tuple[Path, SavedPlan, Trajectory | None]]:
     return legs
 
 
+def told_of_period(path: Path, period: float) -> Iterator[str]:
+    """A sentence where a table of a saved cycle has a longer period, s, than was planned.
+    Raises UnreadablePlan."""
+    file = path / RECORD
+    record = read_record(file)
+    try:
+        planned, rate = float(record["period"]), float(record["parts_per_minute"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise UnreadablePlan(f"{file}: its period cannot be used: {error}") from None
+    if period > planned * (1 + 1e-9):
+        now = f"a period of {period:.6g} s, {rate * planned / period:.4g} parts per minute"
+        yield f"{now}; planned were {planned:.6g} s, {rate:.4g} parts per minute"
+
+
 def folder_of(index: int) -> str:
     """The name of the folder of a leg."""
     return f"leg_{index + 1}"

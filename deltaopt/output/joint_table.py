@@ -128,9 +128,14 @@ QUINTIC = Interpolation("quintic", JointTable.quintic)
 
 @dataclass(frozen=True)
 class Rows:
-    """Where a table has its rows: at every ``cycle``, s, or without one at the plan's knots."""
+    """Where a table has its rows: at every ``cycle``, s, or without one at the plan's knots.
+
+    ``begins``: accelerations of the motors, rad/s², with which the rows of another motion end. Its
+    last row is the first one of this motion too; None where this one has its own.
+    """
 
     cycle: float | None = None
+    begins: tuple[float, ...] | None = None
 
     @property
     def name(self) -> str:
@@ -141,7 +146,10 @@ class Rows:
         """Of a motion that fits."""
         if self.cycle is None:
             return JointTable.at_own_knots(trajectory)
-        return JointTable.at_cycle(trajectory, self.cycle)
+        table = JointTable.at_cycle(trajectory, self.cycle)
+        if self.begins is not None:
+            table.ddtheta[0] = self.begins
+        return table
 
     def fitting(self, least: float) -> float:
         """The shortest duration, s, no less than this one, that has whole steps."""
@@ -207,13 +215,16 @@ def table_within_limits(
     """The table of a motion that is slowed until the table's interpolation keeps every limit.
 
     Torques of acceleration fall with the square of the factor, so that its root is the next guess.
-    Raises Infeasible where slowing does not help.
+    Raises Infeasible where slowing does not help, as where it ``begins`` with too much.
     """
     least, most = trajectory.duration, KEPT
     for _ in range(_MOST_SLOWINGS):
         found = checked_table(scene, trajectory, rows, interpolation, least)
         if found.demand.share <= most:
             return found
+        if rows.begins is not None and found.demand.t <= found.table.t[0]:
+            cure = "slowing does not cure that: rows at own knots or cubic interpolation do"
+            raise Infeasible(f"where one motion follows another, {found.sentence}; {cure}")
         now, most = found.slowed * trajectory.duration, _SLOWED_TO
         least = now * min(max(sqrt(found.demand.share / most**2), 1 + 1e-9), _SLOWING)
     raise Infeasible(f"{found.demand.limit} of {found.demand.subject} is exceeded however slow")

@@ -154,8 +154,10 @@ def assert_written_over(scene, folder):
     assert main(["plan", scene, "--baseline", "-o", str(folder)]) == 0
     assert names() == {*plan, "plan.png", "leg_2/notes.txt"}
     assert main(["verify", str(folder)]) == 0
-    assert main(["plan", scene, "--rated", "-o", str(folder), "--no-plot"]) == 0
-    assert names() == {*cycle, "leg_2/notes.txt"}
+    for _ in range(2):
+        assert main(["plan", scene, "--rated", "-o", str(folder), "--no-plot"]) == 0
+        assert names() == {*cycle, "leg_2/notes.txt"}
+        shutil.copytree(folder / "leg_1", folder / "leg_3")
     other = folder.parent / "scenes"  # whose plans have names of legs, and are none
     for name in ("leg_1", "."):
         words = ["plan", scene, "--baseline", "--no-plot", "-o", str(other / name)]
@@ -166,6 +168,45 @@ def assert_written_over(scene, folder):
 def test_options_of_single_motions_are_refused(capsys):
     assert main(["plan", str(CYCLE), "--starts", "3"]) == 2
     assert "--starts is for single motions" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def there_and_back(tmp_path_factory):
+    """The folder of the planned cycle."""
+    folder = tmp_path_factory.mktemp("there_and_back")
+    assert main(["plan", str(CYCLE), "--no-plot", "-o", str(folder)]) == 0
+    return folder
+
+
+@pytest.mark.parametrize("controller", ["cubic", "quintic"])
+def test_a_table_at_equal_steps_has_a_row_at_each(there_and_back, controller, tmp_path, capsys):
+    """Also where legs and dwells meet, where its one acceleration exceeds no limit either, as
+    verification of the file measures. A longer period is told."""
+    file = tmp_path / "table.csv"
+    words = ["--cycle", "1ms", "--keep-limits", "--controller", controller, "-o", str(file)]
+    assert main(["export", "table", str(there_and_back), *words]) == 0
+    t = read_csv(file).columns(["t"])[:, 0]
+    np.testing.assert_allclose(np.diff(t), 1e-3, rtol=1e-9)
+    record = json.loads((there_and_back / "cycle.json").read_text())
+    period, rate = record["period"], record["parts_per_minute"]
+    said = f"a period of {t[-1]:.6g} s, {rate * period / t[-1]:.4g} parts per minute; planned were"
+    assert f"{said} {period:.6g} s, {rate:.4g} parts per minute" in capsys.readouterr().out
+    robot = str(PROBLEMS / "robots" / "industrial.yaml")
+    assert main(["verify", str(file), "--robot", robot, "--controller", controller]) == 0
+
+
+def test_a_part_that_is_gripped_at_too_much_acceleration(tmp_path, capsys):
+    """One row cannot tell it: that is said, not tried with ever slower motions."""
+    file, table = tmp_path / "cycle.yaml", tmp_path / "table.csv"
+    file.write_text(
+        TEXT.replace(", payload: 1.0, dwell: 50 ms", "").replace("dwell: 50 ms", "payload: 1.0")
+    )
+    assert main(["plan", str(file), "--no-plot", "-o", str(tmp_path / "out")]) == 0
+    words = ["export", "table", str(tmp_path / "out"), "-o", str(table), "--cycle", "1ms"]
+    assert main([*words, "--keep-limits"]) == 1
+    assert "rows at own knots or cubic interpolation do" in capsys.readouterr().err
+    assert not table.exists()
+    assert main([*words, "--keep-limits", "--controller", "cubic"]) == 0
 
 
 def test_a_table_has_the_whole_cycle(tmp_path, capsys):
