@@ -8,6 +8,8 @@ where the motors are fastest.
 Then the same over a wall, 25 mm high and 260 mm thick, which all of them clear: the rounded path is
 the lowest that does, its corners as wide as they can be; the free path is planned past the wall,
 and once more with motors that take 8 ms at least from no torque to their peak: the smooth one.
+
+Robots whose own limits are of torque rates or jerk are left out: their paths are not given.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from pathlib import Path as File
 import numpy as np
 
 import deltaopt
+from deltaopt.cli.streams import say
 from deltaopt.curves.piecewise import Array
 from deltaopt.planning.comparisons import rounded_path_over
 from deltaopt.robot.model import delta_model
@@ -132,10 +135,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print one row of a table for each robot and path, and one of another for each robot."""
-    robots = {
-        file.stem: (deltaopt.load_robot(file), DEPTHS.get(file.stem, USUAL_DEPTH))
-        for file in arguments.robots
-    }
+    robots = dict[str, tuple[deltaopt.Robot, float]]()
+    for file in arguments.robots:
+        robot, depth = deltaopt.load_robot(file), DEPTHS.get(file.stem, USUAL_DEPTH)
+        if cycle(robot, depth, None).has_rates:
+            say(f"{file.stem} is left out: its limits of rates are for free paths")
+        else:
+            robots[file.stem] = robot, depth
     print("| robot | path | trapezoid | S-curve | timed optimally | free path |")
     print("|---|---|---|---|---|---|")
     for robot_name, (robot, depth) in robots.items():

@@ -11,7 +11,7 @@ import numpy as np
 import deltaopt
 from deltaopt.curves.piecewise import Array
 from studies.bench.random_scenes import random_scenes
-from studies.problems import PICK_AND_PLACE
+from studies.problems import PICK_AND_PLACE, add_scenes
 
 HELP = "the straight line timed optimally, beside the quintic law and the free path"
 SMALL = {"scenes": (PICK_AND_PLACE,)}
@@ -56,7 +56,7 @@ def over_random_moves(robot: deltaopt.Robot, number: int, seed: int) -> tuple[Ar
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("scenes", nargs="*", type=Path, metavar="SCENE", help="scene files")
+    add_scenes(parser)
     parser.add_argument(
         "--robots", nargs="*", type=Path, default=(), metavar="ROBOT", help="for random moves"
     )

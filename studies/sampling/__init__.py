@@ -22,7 +22,7 @@ import numpy as np
 import deltaopt
 from deltaopt.cli.arguments import one_or_more, seed
 from deltaopt.curves.piecewise import Array
-from deltaopt.errors import MissingPackage, installed
+from deltaopt.errors import installed
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.attempts import Attempt
@@ -90,13 +90,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the table, or what is not installed."""
-    try:
-        for package in ("ompl", "toppra"):
-            installed(package, "ompl")
-    except MissingPackage as error:
-        print(error)
-        return 0
+    """Print the table. Raises MissingPackage."""
+    for package in ("ompl", "toppra"):
+        installed(package, "ompl")
     robot, settings = deltaopt.load_robot(INDUSTRIAL), (arguments.seeds, arguments.margins)
     scenes = {
         f"{kind} {i}": (kind, arguments.seed, i)

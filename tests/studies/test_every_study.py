@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from studies import line
 from studies.__main__ import DOCS, STUDIES, main
+from studies.problems import PROBLEMS
 
 SAYS = {
     "attack": "2 of 2 attempts are good",
@@ -51,6 +53,23 @@ def elsewhere(tmp_path, monkeypatch):
 def test_study_in_small(name, capsys):
     assert main([name, "--small"]) == 0
     assert SAYS[name] in capsys.readouterr().out
+
+
+def test_robots_that_follow_no_path_are_left_out(capsys):
+    """With limits of torque rate a path is given with a tube alone."""
+    assert main(["cycle", str(PROBLEMS / "robots" / "industrial_smooth.yaml")]) == 0
+    printed = capsys.readouterr()
+    assert "industrial_smooth is left out" in printed.err
+    assert "industrial_smooth" not in printed.out
+
+
+def test_the_straight_lines_of_the_documentation_need_no_arguments(monkeypatch, capsys):
+    """Those of docs/outputs/line.txt, which are not planned again here."""
+    monkeypatch.setattr(line, "durations", lambda scene: scene.robot.name)
+    assert main(["line"]) == 0
+    found = re.findall("^(.*?):", capsys.readouterr().out, re.MULTILINE)
+    recorded = (DOCS / "outputs" / "line.txt").read_text(encoding="utf-8")
+    assert found == re.findall("^(.*?): line", recorded, re.MULTILINE)
 
 
 def test_all_is_unattended(monkeypatch, capsys, tmp_path):

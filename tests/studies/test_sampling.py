@@ -102,5 +102,5 @@ def test_one_scene(tmp_path, capsys):
 
 def test_what_is_missing_is_said(tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "ompl", None)
-    assert main(["ompl", "--small", "-o", str(tmp_path)]) == 0
-    assert "ompl is not installed: pip install -e '.[ompl]' in the clone" in capsys.readouterr().out
+    assert main(["ompl", "--small", "-o", str(tmp_path)]) == 1
+    assert "ompl is not installed: pip install -e '.[ompl]' in the clone" in capsys.readouterr().err
