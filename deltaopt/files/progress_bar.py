@@ -16,7 +16,8 @@ Progress = Callable[[float, str], None]
 
 @dataclass
 class ProgressBar:
-    """A progress bar: call it with the share that is done, 0 to 1, and a text.
+    """A progress bar: call it with the share that is done, 0 to 1, and a text. Where its stream is
+    no terminal but a file or a pipe, it says nothing.
 
     Examples:
         >>> planner = deltaopt.Planner(deltaopt.load_robot("problems/robots/orsino.yaml"))
@@ -32,6 +33,8 @@ class ProgressBar:
     def __call__(self, done: float, what: str) -> None:
         if _in_notebook():
             self._show(done, what)
+            return
+        if not self.stream.isatty():
             return
         filled = round(WIDTH * done)
         bar = "█" * filled + "·" * (WIDTH - filled)

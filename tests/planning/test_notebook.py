@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from io import StringIO
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -136,3 +137,22 @@ def test_many_plans_say_how_many_are_done():
     plans = Planner(SCENE.robot, tolerance=1e-2).plan_many(pairs, progress=done.append)
     assert done == [1, 2, 3]
     assert len({plan.duration for plan in plans}) == 1
+
+
+def test_a_file_receives_no_progress_bars(monkeypatch):
+    """A terminal does: each bar is written over the one before, which a log cannot do."""
+
+    class Stream(StringIO):
+        terminal = True
+
+        def isatty(self):
+            return self.terminal
+
+    file, terminal = Stream(), Stream()
+    file.terminal = False
+    for stream in (file, terminal):
+        tell = ProgressBar(stream).counting(2, "moves")
+        tell(1)
+        tell(2)
+    assert file.getvalue() == ""
+    assert terminal.getvalue().count("\r") == 2
