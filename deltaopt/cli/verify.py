@@ -5,7 +5,8 @@ planned, or with --scene against a scene file. What plan.json says, and in a fol
 must be as they were written and as the motion is.
 
 TABLE.csv has a header with t (s) and theta1, theta2, theta3 (rad, or --unit deg) or x, y, z (m), at
-any rate, with rates (dtheta1, vx) and accelerations (ddtheta1, ax) if they are known. It is
+any rate, with rates (dtheta1, vx) and accelerations (ddtheta1, ax) if they are known; names that
+end in _deg, as theta1_deg, are of columns in degrees. It is
 interpolated as a controller does, and measured: limits, duty of the motors, singularities. No scene
 file is needed, only a robot.
 
@@ -208,7 +209,11 @@ def _rows(arguments: argparse.Namespace, joints: Joints) -> ForeignTable:
             "angles are taken as the model's; with --controller-angles as the controller's, which "
             "have the zero and sign of the robot's joints"
         )
-    per_radian = UNITS[arguments.unit or "rad"]
+    if rows.unit and arguments.unit not in (None, rows.unit):
+        raise WrongUsage(
+            f"--unit is {arguments.unit}, but columns of {arguments.motion} are in deg"
+        )
+    per_radian = UNITS[arguments.unit or rows.unit or "rad"]
     return rows.in_model(per_radian, joints if arguments.controller_angles else Joints())
 
 

@@ -25,6 +25,8 @@ from deltaopt.robot.model import DeltaModel
 ANGLES = ("theta1", "theta2", "theta3")
 POSITION = ("x", "y", "z")
 _RATES = {ANGLES: ("d", "dd"), POSITION: ("v", "a")}
+_IN_DEGREES = "_deg"
+"""Ending of the names of columns of angles and their rates in degrees."""
 _SHORTEST = 1e-12
 """Least time between rows of different times, s: a thousandth of ROS 2's nanosecond. Accelerations
 are divided by its square."""
@@ -45,7 +47,8 @@ class ForeignTable:
     """Rows of a motion: times t, (N,), s, and three columns with rates as far as they are known.
 
     ``quantity``: ``ANGLES``, rad, or ``POSITION``, m. ``rates``, ``accelerations``: None where the
-    table has none. ``unused``: names of columns that nothing here follows from.
+    table has none. ``unused``: names of columns that nothing here follows from. ``unit``: of angles
+    if the names of their columns end in it.
     """
 
     quantity: tuple[str, str, str]
@@ -54,6 +57,7 @@ class ForeignTable:
     rates: Array | None
     accelerations: Array | None
     unused: tuple[str, ...] = ()
+    unit: str | None = None
 
     @property
     def interpolation(self) -> str:
@@ -96,7 +100,8 @@ class ForeignTable:
 
 def read_foreign_table(file: Path) -> ForeignTable:
     """Read a CSV file with a header: t, and theta1 to theta3 or x, y, z, and as far as it has them
-    their rates (dtheta1 … or vx …) and accelerations (ddtheta1 … or ax …).
+    their rates (dtheta1 … or vx …) and accelerations (ddtheta1 … or ax …). Names of columns in
+    degrees may end in _deg.
 
     A table with both angles and positions is taken by its angles. Raises UnreadableTable.
     """
@@ -108,6 +113,8 @@ def read_foreign_table(file: Path) -> ForeignTable:
 
 def _foreign_table(table: CsvTable) -> ForeignTable:
     """Raises WrongCsv."""
+    if "theta1" not in table.names and "theta1" + _IN_DEGREES in table.names:
+        return replace(_foreign_table(_without_unit(table)), unit="deg")
     header = set(table.names)
     quantity = next((q for q in (ANGLES, POSITION) if set(q) <= header), None)
     if quantity is None or "t" not in header:
@@ -127,6 +134,16 @@ def _foreign_table(table: CsvTable) -> ForeignTable:
     found = ForeignTable(quantity, t, values, rates, accelerations, unused)
     _require_one_place(found, table.lines)
     return found
+
+
+def _without_unit(table: CsvTable) -> CsvTable:
+    """A table in degrees with the names that one in radians has. Raises WrongCsv where it has
+    columns in both."""
+    both = [prefix + name for prefix in ("", *_RATES[ANGLES]) for name in ANGLES]
+    for name in both:
+        if name in table.names:
+            raise WrongCsv(f"has a column {name} beside theta1_deg; all are to end in _deg")
+    return replace(table, names=[name.removesuffix(_IN_DEGREES) for name in table.names])
 
 
 def _require_times(t: Array, lines: Sequence[int], *, jumps: bool) -> None:

@@ -48,10 +48,12 @@ def of_controller(table: JointTable, robot: Robot) -> JointTable:
 
 
 def write_table(file: Path, table: JointTable, unit: str = "rad") -> None:
-    """Write the rows of a table as CSV with ``COLUMNS``: s, the unit, and the unit by s and s²."""
+    """Write the rows of a table as CSV with ``COLUMNS``: s, the unit, and the unit by s and s².
+    Names of columns of angles end in the unit where it is not rad, as ``theta1_deg``."""
     angles = UNITS[unit] * np.hstack([table.theta, table.dtheta, table.ddtheta])
     rows = np.hstack([table.t[:, None], angles]).tolist()
-    write_csv(file, COLUMNS, rows, table.remarks)
+    ending = "" if unit == "rad" else f"_{unit}"
+    write_csv(file, ("t", *(name + ending for name in COLUMNS[1:])), rows, table.remarks)
 
 
 def write_ros2_yaml(file: Path, table: JointTable, names: tuple[str, str, str]) -> None:

@@ -42,7 +42,7 @@ def test_our_own_table_asks_for_what_the_export_said(
     """Through a file in the controller's degrees: the same peak as of the joint polynomials."""
     checked = checked_table(SCENE, picked.trajectory, Rows(1e-3), interpolation)
     write_table(tmp_path / "table.csv", of_controller(checked.table, ROBOT), "deg")
-    words = ["--robot", str(robot), "--payload", str(SCENE.payload), "--unit", "deg"]
+    words = ["--robot", str(robot), "--payload", str(SCENE.payload)]  # columns name the unit
     words += ["--controller", interpolation.name, "--controller-angles"]
     assert main(["verify", str(tmp_path / "table.csv"), *words]) == 1
     said = capsys.readouterr().out
@@ -68,6 +68,15 @@ def test_angles_are_the_models_unless_said_and_that_is_said(picked, robot, tmp_p
     assert capsys.readouterr().out == in_grams.out
     main([*words, "--controller-angles"])
     assert "--controller-angles" not in capsys.readouterr().err
+    main([word.replace("deg", "rad") for word in words])
+    assert f"--unit is rad, but columns of {table} are in deg" in capsys.readouterr().err
+    text = table.read_text(encoding="utf-8")
+    table.write_text(text.replace("_deg", ""), encoding="utf-8")  # as before columns named it
+    main([*words, "--payload", "1"])
+    assert capsys.readouterr().out == in_grams.out
+    table.write_text(text.replace("theta2_deg", "theta2"), encoding="utf-8")
+    main(words)
+    assert "has a column theta2 beside theta1_deg" in capsys.readouterr().err
     with pytest.raises(SystemExit):
         main([*words, "--payload", "1 m"])
     assert "'1 m' cannot be converted to kg" in capsys.readouterr().err

@@ -37,7 +37,7 @@ def test_csv_in_degrees(saved_otherwise, tmp_path, capsys):
     t = np.array([float(row["t"]) for row in rows])
     motion = slowed(t)
     for name, rate in (("theta", False), ("dtheta", True), ("ddtheta", True)):
-        found = np.array([[float(row[name + k]) for k in "123"] for row in rows])
+        found = np.array([[float(row[f"{name}{k}_deg"]) for k in "123"] for row in rows])
         expected = np.rad2deg(at_controller(getattr(motion, name), rate=rate))
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
     assert "cubic interpolation asks for 1." in capsys.readouterr().out
