@@ -11,6 +11,7 @@ the limits, and the same line timed optimally.
 
 Where the robot names its motor and gear, every step from their catalogues to the arm is printed,
 which of them sets each limit, and what the baseline asks of them. With a robot file that is all.
+Of a cycle each leg is checked by itself; with --json each is a line.
 
 With --terms the scene is planned without each term of its robot in turn: what a plan without the
 term gains or loses, by how much it exceeds a limit on the robot that has the term, and how far its
@@ -66,7 +67,7 @@ from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import Time
 from deltaopt.scene.rotation import Rotation
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.scene_file import load_scene
+from deltaopt.scene.scene_file import has_cycle, load_cycle, load_scene
 from deltaopt.scene.task import distance, ends_in_words
 from deltaopt.verify.measures import MeasuredMotion
 
@@ -109,7 +110,24 @@ def run(arguments: argparse.Namespace) -> int:
             return 0
         print("\n".join([f"{'robot':<13}{robot.name}", *drive_table(robot.drive)]))
         return 0
-    scene = load_scene(arguments.scene)
+    if not has_cycle(arguments.scene):
+        return _check(arguments, load_scene(arguments.scene), {})
+    cycle = load_cycle(arguments.scene)
+    if cycle.on_belts:
+        raise WrongUsage(
+            f"{arguments.scene} is a cycle with a belt, whose legs are known when it is planned: "
+            "run deltaopt plan"
+        )
+    for number, leg in enumerate(cycle.legs, 1):
+        if not arguments.json:
+            print(f"{'leg':<13}{number} of {len(cycle.legs)}")
+        _check(arguments, leg, {"leg": number})
+    return 0
+
+
+def _check(arguments: argparse.Namespace, scene: Scene, which: dict[str, object]) -> int:
+    """Print what there is to say of a scene; ``which``: leg of a cycle it is, for machines. Raises
+    what ``_verdict`` raises."""
     try:
         verdict = _verdict(scene)
     except NO_PLAN as error:
@@ -118,7 +136,7 @@ def run(arguments: argparse.Namespace) -> int:
             print(f"{'verdict':<13}{known}", flush=True)
         raise
     if arguments.json:
-        print_json(_as_dict(arguments.scene, scene, verdict))
+        print_json(which | _as_dict(arguments.scene, scene, verdict))
         return 0
     of_robot, of_task, *rest = _description(scene)
     for name, text in (("verdict", verdict), of_robot, of_task, *_bodies(scene), *rest):

@@ -17,7 +17,7 @@ from deltaopt.files.yaml_file import place_of, read_yaml
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.robot.solids import MOST_TRIANGLES
 from deltaopt.scene.convex_hull import NoHull, convex_hull
-from deltaopt.scene.cycle import EXPECTED_LEGS, Cycle, start_after
+from deltaopt.scene.cycle import EXPECTED_LEGS, MOST_LEGS, Cycle, start_after
 from deltaopt.scene.path import points_in
 from deltaopt.scene.scene import NO_KEYS, ROBOT_FILE, Scene
 
@@ -90,7 +90,7 @@ def _single(file: Path, content: dict[str, object]) -> Scene:
     if "base_radius" in content and "robot" not in content:
         raise SceneError(file, "", None, "a scene file, which names it as robot", "is a robot file")
     if "cycle" in content:
-        expected = "start and goal; cycles are for deltaopt plan and load_cycle"
+        expected = "start and goal; cycles are for deltaopt plan, check and map, and load_cycle"
         place = place_of(file, "cycle")
         raise SceneError(file, "cycle", None, expected, "is no key of a single motion", place)
     return _scene(file, _with_robot(file, content), lambda key: key)
@@ -100,9 +100,13 @@ def _cycle(file: Path, content: dict[str, object]) -> Cycle:
     content = _with_robot(file, content)
     given, period = content.pop("cycle", None), content.pop("period", None)
     start, limits = content.pop("start", None), content.get("limits")
+    place = place_of(file, "cycle")
     if not isinstance(given, list) or not all(isinstance(leg, dict) for leg in given):
         problem = "is missing" if given is None else ""
-        raise SceneError(file, "cycle", given, EXPECTED_LEGS, problem, place_of(file, "cycle"))
+        raise SceneError(file, "cycle", given, EXPECTED_LEGS, problem, place)
+    if not 2 <= len(given) <= MOST_LEGS:
+        problem = f"has {len(given)} leg{'s' * (len(given) != 1)}"
+        raise SceneError(file, "cycle", given, EXPECTED_LEGS, problem, place)
     if isinstance(start, dict) and "belt" in start:  # that of the last leg's next part
         start = {{"belt": "velocity"}.get(key, key): each for key, each in start.items()}
     fields: dict[str, object] = {"period": period}

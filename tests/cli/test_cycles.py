@@ -98,7 +98,7 @@ def test_a_new_cell_is_planned(tmp_path, capsys, monkeypatch):
 
 
 def test_a_cycle_is_no_scene(tmp_path):
-    with pytest.raises(SceneError, match="cycles are for deltaopt plan and load_cycle"):
+    with pytest.raises(SceneError, match="cycles are for deltaopt plan, check"):
         load_scene(CYCLE)
     with pytest.raises(SceneError, match="cycle is missing"):
         load_cycle(PROBLEMS / "pick_and_place.yaml")
