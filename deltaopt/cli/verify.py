@@ -27,7 +27,7 @@ import numpy as np
 
 from deltaopt.cli.arguments import WrongUsage, add_json, kilograms
 from deltaopt.cli.streams import print_json, say, say_failures
-from deltaopt.errors import installed
+from deltaopt.errors import DeltaOptError, Singular, Unreachable, installed
 from deltaopt.output.foreign_table import ANGLES, ForeignTable, UnreadableTable, read_foreign_table
 from deltaopt.output.in_words import duty_table, singularities_table, table
 from deltaopt.output.mujoco_replay import MujocoReplay, replay_in_mujoco
@@ -47,6 +47,10 @@ from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.bounds import EXCESS
 from deltaopt.verify.measures import Excess, MeasuredMotion
 from deltaopt.verify.verification import Verification, verify
+
+
+class NotMeasured(DeltaOptError):
+    """A motion cannot be measured at all on a robot."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -103,6 +107,10 @@ def run(arguments: argparse.Namespace) -> int:
     saved = load_plan(arguments.motion)
     scene = load_scene(arguments.scene) if arguments.scene else saved.scene
     found = verify(scene, saved.trajectory)
+    if arguments.scene and found.obstacles:
+        keys = [key for key, given in saved.scene if given != getattr(scene, key)]
+        off = f"{', '.join(keys) or 'nothing'} differ from those of {arguments.scene}"
+        raise NotMeasured(f"{arguments.motion}: {off}; {'; '.join(found.obstacles)}")
     differences = _differences(arguments.motion, saved, None if arguments.scene else found.ok)
     replay = replay_in_mujoco(saved.trajectory) if arguments.other else None
     if arguments.json:
@@ -160,9 +168,12 @@ def _measure(arguments: argparse.Namespace) -> int:
         raise WrongUsage("a TABLE.csv needs the robot it is for: --robot ROBOT")
     robot = load_robot(arguments.robot)
     rows = _rows(arguments, robot.joints or Joints())
-    trajectory = rows.trajectory(delta_model(robot, arguments.payload))
-    ends = trajectory.path_inside([0.0, 1.0])[0]
-    trajectory.model.inverse_kinematics(ends)  # raises Unreachable
+    try:
+        trajectory = rows.trajectory(delta_model(robot, arguments.payload))
+        ends = trajectory.path_inside([0.0, 1.0])[0]
+        trajectory.model.inverse_kinematics(ends)
+    except (Unreachable, Singular) as error:
+        raise NotMeasured(f"{arguments.motion}: {error}") from None
     away = ends[np.linalg.norm(ends - ends[0], axis=1).argmax()]
     if not (away != ends[0]).any():
         raise UnreadableTable(f"{arguments.motion}: nothing moves in it")
@@ -214,7 +225,11 @@ def _rows(arguments: argparse.Namespace, joints: Joints) -> ForeignTable:
             f"--unit is {arguments.unit}, but columns of {arguments.motion} are in deg"
         )
     per_radian = UNITS[arguments.unit or rows.unit or "rad"]
-    return rows.in_model(per_radian, joints if arguments.controller_angles else Joints())
+    found = rows.in_model(per_radian, joints if arguments.controller_angles else Joints())
+    if problem := found.implausible():
+        expected = "--unit deg is for degrees" if rows.quantity == ANGLES else "are they in mm?"
+        raise UnreadableTable(f"{arguments.motion}, {problem}; {expected}")
+    return found
 
 
 def _sentence(excess: Excess) -> str:

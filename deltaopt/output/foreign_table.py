@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from deltaopt.curves.piecewise import Array, spline_rates
-from deltaopt.errors import Unusable
+from deltaopt.errors import Unusable, in_words
 from deltaopt.files.csv_table import CsvTable, WrongCsv, read_csv
+from deltaopt.files.units import ANGLE, LENGTH
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.joint_table import pieces_between, platform_motion
 from deltaopt.robot.joints import Joints
@@ -48,7 +49,7 @@ class ForeignTable:
 
     ``quantity``: ``ANGLES``, rad, or ``POSITION``, m. ``rates``, ``accelerations``: None where the
     table has none. ``unused``: names of columns that nothing here follows from. ``unit``: of angles
-    if the names of their columns end in it.
+    if the names of their columns end in it. ``lines``: of the file, in which the rows stand.
     """
 
     quantity: tuple[str, str, str]
@@ -58,6 +59,18 @@ class ForeignTable:
     accelerations: Array | None
     unused: tuple[str, ...] = ()
     unit: str | None = None
+    lines: Sequence[int] = ()
+
+    def implausible(self) -> str | None:
+        """In words the first row of a table in the model's unit that is of no robot; None if all
+        may be."""
+        most = (ANGLE if self.quantity == ANGLES else LENGTH).most
+        beyond = np.abs(self.values).max(axis=1) > most
+        if not beyond.any():
+            return None
+        row = int(beyond.argmax())
+        what = "motor angles in rad" if self.quantity == ANGLES else "positions in m"
+        return f"line {self.lines[row]}: {in_words(self.values[row])} are no {what}"
 
     @property
     def interpolation(self) -> str:
@@ -131,7 +144,7 @@ def _foreign_table(table: CsvTable) -> ForeignTable:
     t = table.columns(["t"])[:, 0]
     _require_times(t, table.lines, jumps=rates is not None)
     unused = tuple(name for name in table.names if name and name not in ("t", *chain(*parts)))
-    found = ForeignTable(quantity, t, values, rates, accelerations, unused)
+    found = ForeignTable(quantity, t, values, rates, accelerations, unused, lines=table.lines)
     _require_one_place(found, table.lines)
     return found
 

@@ -188,6 +188,9 @@ def read_record(file: Path) -> dict[str, Any]:
         raise UnreadablePlan(f"{file} {error.strerror}") from None
     except (ValueError, RecursionError) as error:
         needed = "a plan's folder or its plan.json is needed"
+        if file.suffix in (".yaml", ".yml"):
+            problem = "is no plan; if it is a scene, run deltaopt plan on it first"
+            raise UnreadablePlan(f"{file} {problem}, and take the folder that it writes") from None
         raise UnreadablePlan(f"{file} cannot be read as JSON ({error}); {needed}") from None
     if not isinstance(content, dict):
         raise UnreadablePlan(f"{file}: it is no record of a plan")
