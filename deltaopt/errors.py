@@ -90,6 +90,7 @@ def shortened(text: str, limit: int = 120) -> str:
 
 def shown(value: object) -> str:
     """A value for a sentence, as Python writes it, on one line and not too long of it."""
+    value = float(f"{value:.15g}") if isinstance(value, float) else value  # all but rounding
     try:
         written = repr(value)
     except ValueError:  # Python does not write whole numbers of thousands of digits

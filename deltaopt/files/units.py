@@ -80,6 +80,7 @@ class Quantity:
         """What is wrong with a value that is a number of this size in the SI unit."""
         plausible = f"where at most {self.most:.4g} is plausible"
         problem = f"would be {number:.6g} {_in_words(self.unit)}, {plausible}"
+        problem = problem if self.unit else f"is too large, {plausible}"
         return Misread(value, problem, "" if isinstance(value, str) else self._meant(number))
 
     def _meant(self, number: float) -> str:
@@ -187,6 +188,7 @@ ANGULAR_JERK = Quantity("rad/s**3", (), 1e8, ("deg/s^3",))
 VISCOUS_FRICTION = Quantity("N*m*s/rad", ("N*m*s",), 1e4, ("N*mm*s/rad",))
 RATIO = Quantity("")
 """A number without a unit, or in percent."""
+SHARE = Quantity("", (), 1.0, ("%",))
 EFFORT_WEIGHT = Quantity("1/(N**2*m**2)")
 JERK_WEIGHT = Quantity("s**6/m**2")
 TORQUE_RATE_WEIGHT = Quantity("s**2/(N**2*m**2)")

@@ -176,7 +176,8 @@ class Loop:
         self.make(until_good(so_far, self.optimiser.intervals, proposals), so_far)
         if so_far.plans:
             return so_far.best_known()
-        none = Infeasible("no simple motion through all given points stays within reach")
+        columns = " and along the cylinders of approach" if scene.approach else ""
+        none = Infeasible(f"no simple motion through all given points{columns} stays within reach")
         return so_far.failures[0] if so_far.failures else none
 
     def only_from(self, attempt: Attempt) -> Plan:

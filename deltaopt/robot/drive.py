@@ -117,7 +117,8 @@ class Drive(Record):
         given = {key for key, value in content.items() if value is not None}
         if "motor" not in given:
             for key in given & {"brake", "gear"}:
-                raise SceneError(None, key, content[key], "a motor beside it")
+                problem = "is of no use without drive.motor"
+                raise SceneError(None, key, content[key], "a motor beside it", problem)
             return content
         for key in _REDUCED:
             if key in given:

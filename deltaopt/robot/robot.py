@@ -217,8 +217,9 @@ class Robot(Machine):
         gap = abs(self.base_radius - self.platform_radius) - self.upper_arm.length
         if self.forearm.length <= gap:
             expected = (
-                f"a length in m greater than {gap:.6g}, what base_radius, platform_radius and "
-                "upper_arm.length leave to bridge"
+                f"a length in m greater than {gap:.6g}, what base_radius {self.base_radius:g}, "
+                f"platform_radius {self.platform_radius:g} and upper_arm.length "
+                f"{self.upper_arm.length:g} leave to bridge"
             )
             raise SceneError(None, "forearm.length", self.forearm.length, expected)
         return self

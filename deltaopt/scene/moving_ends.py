@@ -39,6 +39,11 @@ class State(Record):
         "an acceleration [x, y, z] in m/s²"
     )
 
+    @classmethod
+    def _keys(cls) -> list[str]:
+        """That of a goal on a belt too, whose record is another one."""
+        return [*super()._keys(), "belt"]
+
     @property
     def end(self) -> Boundary:
         """The state as a task has it."""

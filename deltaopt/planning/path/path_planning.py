@@ -11,7 +11,7 @@ from math import isinf
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.errors import RULED_OUT, Infeasible, NotConverged, if_possible
+from deltaopt.errors import RULED_OUT, Infeasible, NotConverged, if_possible, in_words
 from deltaopt.motion.sure_bounds import signed_distances, sure_excess
 from deltaopt.motion.time_scaling import highest_rows, safe_factor
 from deltaopt.motion.trajectory import Trajectory
@@ -20,8 +20,10 @@ from deltaopt.planning.path.on_mesh import OnMesh, PathMultipliers
 from deltaopt.planning.path.path_rows import PathRows
 from deltaopt.planning.path.path_timing import PathTiming
 from deltaopt.planning.plan import Plan
+from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
+from deltaopt.scene.feasibility import require_state
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.parallel_singularity import require_path_on_one_side
 from deltaopt.scene.path import Corners
@@ -150,11 +152,15 @@ def _require_positions(scene: Scene, trajectory: Trajectory) -> None:
     positions = np.flatnonzero(constraints.of_place)
     if not len(positions):
         return
-    highest = highest_rows(problem_of(scene), trajectory).values[positions]
-    worst = int(highest.argmax())
-    if highest[worst] > 1 + _TOUCHED:
-        label = constraints.label(int(positions[worst]))
-        raise Infeasible(f"the path: {label} is beyond its limit on it")
+    highest = highest_rows(problem_of(scene), trajectory)
+    worst = int(positions[highest.values[positions].argmax()])
+    if highest.values[worst] > 1 + _TOUCHED:
+        begin, end = trajectory.knots[highest.intervals[worst] :][:2]
+        x, y, z = trajectory(begin + highest.fractions[worst] * (end - begin)).x.tolist()
+        if constraints.convex[worst]:  # raises what names the body
+            require_state(scene, "the path", Boundary((x, y, z)), orders=1, is_given=False)
+        place = f"at {in_words((x, y, z))} m"
+        raise Infeasible(f"the path: {place} {constraints.label(worst)} is beyond its limit")
 
 
 def near_corners(scene: Scene, corners: Array) -> Scene:
