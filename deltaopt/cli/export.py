@@ -272,8 +272,8 @@ def _controllers_table(arguments: argparse.Namespace) -> tuple[JointTable, Robot
                 raise _refusal(f"the wait after {folder.name}: {found.sentence}", [])
             tables.append(found.table)
     table, robot = JointTable.one_after_the_other(tables), as_delta(legs[0][1].scene.robot)
-    if len(legs) > 1:
-        print(*told_of_period(arguments.plan, float(table.t[-1])), sep="\n")
+    for sentence in told_of_period(arguments.plan, float(table.t[-1])) if len(legs) > 1 else ():
+        print(sentence)
     remarks = tuple(dict.fromkeys(remark for each in tables for remark in each.remarks))
     return of_controller(replace(table, remarks=remarks), robot), robot
 

@@ -195,6 +195,13 @@ def test_a_table_at_equal_steps_has_a_row_at_each(there_and_back, controller, tm
     assert main(["verify", str(file), "--robot", robot, "--controller", controller]) == 0
 
 
+def test_of_a_cycle_that_cannot_be_written_no_leg_is(tmp_path, capsys):
+    (tmp_path / "cycle.json").mkdir()
+    assert main(["plan", str(CYCLE), "--no-plot", "-o", str(tmp_path)]) == 2
+    assert "cycle.json: is a directory" in capsys.readouterr().err
+    assert [file.name for file in tmp_path.iterdir()] == ["cycle.json"]
+
+
 def test_a_part_that_is_gripped_at_too_much_acceleration(tmp_path, capsys):
     """One row cannot tell it: that is said, not tried with ever slower motions."""
     file, table = tmp_path / "cycle.yaml", tmp_path / "table.csv"
@@ -215,7 +222,9 @@ def test_a_table_has_the_whole_cycle(tmp_path, capsys):
     file.write_text(TEXT)
     assert main(["plan", str(file), "--no-plot", "-o", str(tmp_path / "out")]) == 0
     given = ["export", "table", str(tmp_path / "out"), "-o", str(tmp_path / "table.csv")]
+    capsys.readouterr()
     assert main(given) == 0
+    assert "" not in capsys.readouterr().out.splitlines()
     rows = read_csv(tmp_path / "table.csv").columns(COLUMNS)
     t, theta, dtheta, ddtheta = rows[:, 0], *np.split(rows[:, 1:], 3, axis=1)
     table = JointTable(t, theta, dtheta, ddtheta).quintic()
