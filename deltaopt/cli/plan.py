@@ -45,7 +45,6 @@ from deltaopt.cli.streams import (
     present,
     print_json,
     print_written,
-    print_written_in,
     say,
     say_failures,
     told_meanwhile,
@@ -306,7 +305,7 @@ def _plan_cycle(file: Path, directory: Path, cycle: Cycle, arguments: argparse.N
         more = details_of_cycle(found, verification) if arguments.details else ()
         print(f"{verdict(verification)}: ", end="")
         print(*told_of_cycle(found, verification), *more, sep="\n", flush=True)
-        print_written_in(directory, files, before)
+        print_written(files, before)
         _print_sensitivities(found, arguments)
     return say_failures(verification.failures())
 

@@ -40,6 +40,8 @@ _IN_WORDS = {
 }
 """What is written instead of signs that an encoding does not have."""
 _GREEK = "GREEK SMALL LETTER "
+_MANY = 5
+"""Files that are named one by one at most."""
 
 
 def print_any_text() -> None:
@@ -123,30 +125,23 @@ def new_files(directory: Path, *names: str) -> Iterator[Path]:
 
 
 def present(directory: Path) -> set[Path]:
-    """The files in a directory; none if it does not exist."""
-    return set(directory.iterdir()) if directory.is_dir() else set()
+    """The files in a directory and in those in it; none if it does not exist."""
+    return set(directory.rglob("*.*")) if directory.is_dir() else set()
 
 
 def print_written(files: Iterable[Path], before: Collection[Path]) -> None:
     """Say which files were written, which of them were there ``before`` and are replaced, and what
-    was there and has been removed."""
+    was there and has been removed; of many files their folder and how many they are."""
     files = list(files)
     for what, those in (
         ("written", [file for file in files if file not in before]),
         ("replaced", [file for file in files if file in before]),
         ("removed", sorted(file for file in before if not file.exists())),
     ):
-        if those:
+        if len(those) > _MANY:
+            print(f"{what}: {os.path.commonpath(those)} ({len(those)} files)")
+        elif those:
             print(f"{what}:", ", ".join(map(str, those)))
-
-
-def print_written_in(folder: Path, files: Iterable[Path], before: Container[Path]) -> None:
-    """Say how many files were written into a folder and into those in it, and how many of them are
-    in place of what was there ``before``: ``present(folder)``."""
-    were = [file in before or file.parent in before for file in files]
-    for what, number in (("written", were.count(False)), ("replaced", were.count(True))):
-        if number:
-            print(f"{what}: {folder} ({number} file{'s' * (number > 1)})")
 
 
 def flush() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 import deltaopt
 from deltaopt.cli import main
-from deltaopt.cli.streams import present, print_written_in
+from deltaopt.cli.streams import present, print_written
 from deltaopt.output.in_words import table
 from deltaopt.output.saved_plan import load_plan
 from deltaopt.planning.first_motions.initial_motion import baseline
@@ -67,15 +67,16 @@ def test_what_is_replaced_is_said(tmp_path, capsys):
 
 
 def test_of_many_files_their_number_is_said(tmp_path, capsys):
-    whole, leg, new = tmp_path / "cycle.json", tmp_path / "leg_1", tmp_path / "cycle.png"
-    files = [whole, new, leg / "plan.json", leg / "trajectory.csv"]
-    print_written_in(tmp_path, files, present(tmp_path))
-    assert capsys.readouterr().out == f"written: {tmp_path} (4 files)\n"
-    whole.touch()
-    leg.mkdir()
-    print_written_in(tmp_path, files, present(tmp_path))
+    legs = [tmp_path / f"leg_{number}" for number in range(1, 8)]
+    files = [leg / name for leg in legs for name in ("plan.json", "trajectory.csv")]
+    print_written(files, present(tmp_path))
+    assert capsys.readouterr().out == f"written: {tmp_path} (14 files)\n"
+    for leg in legs:
+        leg.mkdir()
+        (leg / "plan.json").touch()
+    print_written(files[2:], present(tmp_path))
     told = capsys.readouterr().out
-    assert told == f"written: {tmp_path} (1 file)\nreplaced: {tmp_path} (3 files)\n"
+    assert told == f"written: {tmp_path} (6 files)\nreplaced: {tmp_path} (6 files)\n"
 
 
 def test_replaced_figures_are_said(tmp_path, capsys, monkeypatch):
