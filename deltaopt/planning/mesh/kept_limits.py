@@ -38,7 +38,7 @@ _MARGIN = 3.0
 leave. It costs as much of the duration."""
 _FACTOR = 1.25
 """Tightening over the excess that was seen. A larger factor costs time, a smaller one solves."""
-_MOST = 16
+_MOST = 24
 """Solves at most; it takes one to three as a rule."""
 _NOTHING = 0.1
 """Of the tolerance: what slowing may cost, of the cost, so that limits are not tightened."""
@@ -77,7 +77,7 @@ def kept(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshS
         step = np.where(around > 0, _FACTOR * around + accuracy, 0.0)
         share = last.scaling.shares(len(last.mesh)) - step
         pieces = np.ones(len(last.mesh), np.intp)
-        if attempt % _PATIENCE == 0:
+        if attempt % _PATIENCE == 0 and not solution.problem.rates_peak:
             too_high = (excess.max(axis=1) > KEPT).reshape(-1, last.problem.together)
             pieces[np.repeat(too_high.any(axis=1), last.problem.together)] = _PIECES
         share = np.repeat(np.minimum(share, 1 - _MARGIN * accuracy), pieces, axis=0)
