@@ -279,6 +279,8 @@ def until_good(so_far: Outcomes, coarsest: int, proposals: Iterator[Proposal]) -
         yield attempt
         if so_far.is_good:
             return
+    if not so_far.plans:  # legs that are known lead past bodies, if points are near enough
+        yield from finer([attempt for attempt in tried if attempt.is_near], _FINER[1])
 
 
 def from_motion(scene: Scene, proposal: Proposal, coarsest: int) -> Attempt:

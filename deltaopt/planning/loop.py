@@ -189,7 +189,7 @@ class Loop:
     def at_worst(self, scene: Scene, planned: Callable[[Scene], Plan]) -> Plan:
         """The plan that ``planned`` makes of a scene. Where that raises that there is none, the
         fastest of the motions that attempts began with, and of slow ones, that keep all limits,
-        slowed as far as need be and then improved. Not for costs other than time.
+        slowed as far as need be, to a given duration too, and then improved.
 
         Raises what rules a motion out, and NotConverged with what keeps the platform from places of
         these motions.
@@ -198,19 +198,18 @@ class Loop:
             return planned(scene)
         except NO_PLAN as error:
             begun = [a for a in self.attempts if a.scene.task.gates == scene.task.gates]
-            slow = slow_motions(scene) if isinstance(scene.objective, Time) else ()
-            names = {a.motion: a.proposal for a in begun} | {one.motion: one.name for one in slow}
+            names = {a.motion: a.proposal for a in begun}
+            names |= {one.motion: one.name for one in slow_motions(scene)}
             kept = [if_possible(NO_PLAN, _kept, scene, motion) for motion in names]
             best = min((one for one in kept if one), key=lambda one: one.duration, default=None)
-            if best is None or not isinstance(scene.objective, Time):
+            best = best and _in_given_time(scene, best)
+            if best is None:
                 if scene.tube is not None:
                     timed_axis(scene)  # raises what rules it out, if that is known
                 if not isinstance(error, NotConverged):
                     raise
                 ruled_out = sorted({_in_the_way(scene, *named) for named in names.items()})
                 reasons = [reason for _, reason in reversed(ruled_out) if reason][:_TOLD]
-                if best is not None:
-                    reasons = [f"one of {best.duration:.6g} s keeps them, but at no least cost"]
                 told = [not_found(scene, len(self.attempts)), *reasons, _MAY_HELP]
                 raise NotConverged("; ".join(told), error.status, error.iterate) from error
             self.journal.note(f"of these the fastest that keeps all limits: {best.duration:.6g} s")
@@ -292,6 +291,18 @@ def _kept(scene: Scene, motion: Trajectory) -> Trajectory | None:
     return motion if is_kept else None
 
 
+def _in_given_time(scene: Scene, motion: Trajectory) -> Trajectory | None:
+    """A motion that keeps all limits, slowed to the duration that is given, if one is; None where
+    it takes longer than that, or does not keep them then, as where an end moves."""
+    given = scene.objective.given_duration
+    if given is None:
+        return motion
+    if motion.duration > given or not problem_of(scene).is_at_rest:
+        return None
+    slowed = motion.slowed(given / motion.duration)
+    return slowed if safe_factor(problem_of(scene), slowed) <= 1 + KEPT else None
+
+
 def _in_the_way(scene: Scene, motion: Trajectory, name: str) -> tuple[float, str]:
     """The least room to be at rest at places of a motion, and in words, with its ``name``, what it
     exceeds there or as it moves: empty where that is not known."""
@@ -310,7 +321,7 @@ def _in_the_way(scene: Scene, motion: Trajectory, name: str) -> tuple[float, str
     # A way past bodies may be one from rest to rest: of it nothing more is known.
     is_asked_for = not problem.is_at_rest and _off_its_ends(problem, motion) < _ROUNDING
     factor = if_possible(NO_PLAN, safe_factor, problem, motion) if is_asked_for else None
-    if factor is None or factor == inf:
+    if factor is None or factor == inf or factor <= 1 + KEPT:
         return least, ""
     return least, f"{name} would have to take {factor:.3g} times as long, but its ends move"
 

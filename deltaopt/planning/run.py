@@ -34,6 +34,7 @@ from deltaopt.planning.attempts import (
     on_few_intervals,
 )
 from deltaopt.planning.belt_places import PlacesOnBelt, TooLate
+from deltaopt.planning.effort_planning import require_possible
 from deltaopt.planning.first_motions.around_bodies import (
     CLEAR,
     is_clear,
@@ -101,7 +102,11 @@ class Run(Loop):
 
         def usual(scene: Scene) -> Plan:
             # from a motion that is near the best, or from the usual first motions
-            return self._nearby(scene, near) or self._plan_by_limits(scene, under_way)
+            plan = self._nearby(scene, near)
+            has_bodies = limits_of(scene).constraints.has_convex
+            if plan is None and has_bodies and not isinstance(scene.objective, Time):
+                return self._from_the_fastest(scene, under_way)
+            return plan or self._plan_by_limits(scene, under_way)
 
         if search is None:
             found = self._links_clear(scene, usual)
@@ -163,6 +168,20 @@ class Run(Loop):
             return None
         return found if is_clear(scene, found.trajectory) else None
 
+    def _from_the_fastest(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
+        """Plan for another objective than time past bodies: from the fastest motion, of whose
+        duration a share may be asked for, and from the usual first motions. Where these lead over
+        edges, what is fastest from each alone may be far from that."""
+        fastest = self._plan_by_limits(scene.model_copy(update={"objective": Time()}), under_way)
+        objective = scene.objective.after(fastest.duration)
+        scene = scene.model_copy(update={"objective": objective})
+        if objective.given_duration is not None:
+            require_possible(objective.given_duration, fastest.duration, fastest.gap)
+        near = self._nearby(scene, fastest.trajectory)
+        planned = partial(self._plan_by_limits, scene, under_way)
+        usual = if_possible(NO_PLAN, planned) if near else planned()
+        return min((each for each in (near, usual) if each), key=attrgetter("cost"))
+
     def _plan_by_limits(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
         """Plan a scene that is feasible, of arms and forearms with those alone clear of bodies that
         are planned to be."""
@@ -189,7 +208,9 @@ class Run(Loop):
         else:
             proposals = chain([first], proposals, legs)
         found = self.until_good(scene, proposals)
-        return refused[0] if refused and not isinstance(found, Plan) else found
+        if isinstance(found, Plan):
+            return found if found.gap <= self.good_gap(scene) else self.improved(scene, found)
+        return refused[0] if refused else found
 
     def _leg(self, refused: list[Infeasible], scene: Scene) -> Plan | None:
         """The plan of a leg past bodies, roughly; None where none is found. Why there is no way is
