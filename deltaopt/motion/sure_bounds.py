@@ -107,7 +107,7 @@ def _tangents(problem: Problem, x: Array, numbers: Array) -> tuple[Array, Array]
     none = (np.empty((len(x), 0)),) * 2
     whole = found[0] if len(found) == 1 else map(np.hstack, zip(none, *found, strict=True))
     measures, slopes = whole
-    return measures, slopes.reshape(len(x), -1, 3)
+    return measures, slopes.reshape(*measures.shape, 3)
 
 
 @lru_cache(maxsize=32)
