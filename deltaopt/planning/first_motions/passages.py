@@ -229,7 +229,7 @@ class _Lines:
         way = ends - begin
         x = begin + _BETWEEN[:, None] * way[:, None]
         distance, slope = signed_distances(problem_of(self.scene), x.reshape(-1, 3))
-        distance = distance.reshape(len(ends), len(_BETWEEN), -1)
+        distance = distance.reshape(len(ends), len(_BETWEEN), distance.shape[1])
         slope = slope.reshape(*distance.shape, 3)
         rate = np.einsum("nsrc,nc->nsr", slope, way)
         known = np.linalg.norm(slope, axis=3) > _KNOWN  # on a surface the slope may be told as 0
