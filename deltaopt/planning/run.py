@@ -102,11 +102,8 @@ class Run(Loop):
 
         def usual(scene: Scene) -> Plan:
             # from a motion that is near the best, or from the usual first motions
-            plan = self._nearby(scene, near)
-            has_bodies = limits_of(scene).constraints.has_convex
-            if plan is None and has_bodies and not isinstance(scene.objective, Time):
-                return self._from_the_fastest(scene, under_way)
-            return plan or self._plan_by_limits(scene, under_way)
+            asked, motion = (scene, near) if near else self._from_fastest(scene, under_way)
+            return self._nearby(asked, motion) or self._plan_by_limits(asked, under_way)
 
         if search is None:
             found = self._links_clear(scene, usual)
@@ -168,19 +165,19 @@ class Run(Loop):
             return None
         return found if is_clear(scene, found.trajectory) else None
 
-    def _from_the_fastest(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
-        """Plan for another objective than time past bodies: from the fastest motion, of whose
-        duration a share may be asked for, and from the usual first motions. Where these lead over
-        edges, what is fastest from each alone may be far from that."""
+    def _from_fastest(
+        self, scene: Scene, under_way: PiecewisePolynomial | None
+    ) -> tuple[Scene, Trajectory | None]:
+        """A scene past bodies with its duration in s, if it gives one as a share of the fastest
+        motion's, and that motion: the best for another objective is near it, and from others
+        motions over edges may be found that are far slower. None for the fastest motion itself."""
+        if isinstance(scene.objective, Time) or not limits_of(scene).constraints.has_convex:
+            return scene, None
         fastest = self._plan_by_limits(scene.model_copy(update={"objective": Time()}), under_way)
         objective = scene.objective.after(fastest.duration)
-        scene = scene.model_copy(update={"objective": objective})
         if objective.given_duration is not None:
             require_possible(objective.given_duration, fastest.duration, fastest.gap)
-        near = self._nearby(scene, fastest.trajectory)
-        planned = partial(self._plan_by_limits, scene, under_way)
-        usual = if_possible(NO_PLAN, planned) if near else planned()
-        return min((each for each in (near, usual) if each), key=attrgetter("cost"))
+        return scene.model_copy(update={"objective": objective}), fastest.trajectory
 
     def _plan_by_limits(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
         """Plan a scene that is feasible, of arms and forearms with those alone clear of bodies that

@@ -213,32 +213,22 @@ class _Lines:
         return np.asarray(path[kept])
 
     def are_clear(self, begin: Array, ends: Array) -> Truths:
-        """Whether the lines from a place to others, (N, 3), are clear, (N,). Most that are not run
-        into a body halfway; where the platform can be held is told for those alone that do not run
-        into any."""
-        halfway, _ = signed_distances(problem_of(self.scene), (begin + ends) / 2)
-        clear = np.asarray((halfway >= self._kept - _ROUNDING).all(axis=1))
-        clear[clear] = self._lead_past(begin, ends[clear])
-        x = begin + _BETWEEN[:, None] * (ends[clear] - begin)[:, None]
-        held = self._can_be_held(x.reshape(-1, 3))
-        clear[clear] = held.reshape(-1, len(_BETWEEN)).all(axis=1)
-        return clear
-
-    def _lead_past(self, begin: Array, ends: Array) -> Truths:
-        """Whether the lines from a place to others, (N, 3), are clear of bodies, (N,)."""
+        """Whether the lines from a place to others, (N, 3), are clear, (N,)."""
         way = ends - begin
         x = begin + _BETWEEN[:, None] * way[:, None]
-        distance, slope = signed_distances(problem_of(self.scene), x.reshape(-1, 3))
+        flat = x.reshape(-1, 3)
+        distance, slope = signed_distances(problem_of(self.scene), flat)
         distance = distance.reshape(len(ends), len(_BETWEEN), distance.shape[1])
         slope = slope.reshape(*distance.shape, 3)
         rate = np.einsum("nsrc,nc->nsr", slope, way)
         known = np.linalg.norm(slope, axis=3) > _KNOWN  # on a surface the slope may be told as 0
         most = np.linalg.norm(way, axis=1)[:, None, None]
         least = _least(distance, np.where(known, rate, -most), np.where(known, rate, most))
+        held = self._can_be_held(flat).reshape(len(ends), len(_BETWEEN)).all(axis=1)
         touched = least < self._kept + _TOUCHED
         by_ends = (touched <= self._touched_by_ends[:, None]).all(axis=2).any(axis=0)
         leads_between = (touched.sum(axis=1) > 1) & ~by_ends
-        return np.asarray((least >= self._kept - _ROUNDING).all(axis=1) & ~leads_between)
+        return np.asarray(held & (least >= self._kept - _ROUNDING).all(axis=1) & ~leads_between)
 
     def _can_be_held(self, places: Array) -> Truths:
         return np.asarray(room_at_rest(self.without, places) > 0)
