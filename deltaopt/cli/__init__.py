@@ -7,14 +7,12 @@ cannot be written; 130 stopped by Ctrl-C (by another signal 128 and its number);
 from __future__ import annotations
 
 import argparse
-import difflib
 import logging
 import os
-import re
 import sys
 from collections.abc import Callable, Container
 from importlib import import_module
-from typing import Any, NoReturn, Protocol, cast
+from typing import Any, Protocol, cast
 
 from deltaopt.cli.streams import discard, flush, print_any_text, say
 from deltaopt.errors import DeltaOptError, Unusable, on_one_line
@@ -27,22 +25,6 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, *arguments: Any, **settings: Any) -> None:
         super().__init__(*arguments, **{"allow_abbrev": False, **settings})
-
-    def error(self, message: str) -> NoReturn:
-        """End with a message, and the command or option that is spelt most alike."""
-        wrong = re.search(r"unrecognized arguments: (\S+)|invalid choice: '(\S+)'", message)
-        near = difflib.get_close_matches(wrong[1] or wrong[2], _words(self), 1) if wrong else []
-        super().error(f"{message}; the nearest is {near[0]}" if near else message)
-
-
-def _words(parser: argparse.ArgumentParser) -> list[str]:
-    """The options and commands of a parser and of its subcommands."""
-    words = list(parser._option_string_actions)
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for name, subparser in action.choices.items():
-                words += [name, *_words(subparser)]
-    return words
 
 
 class _Version(argparse.Action):

@@ -71,15 +71,6 @@ def test_of_a_robot(old, new, said, tmp_path, capsys):
     assert re.search(said, line)
 
 
-@pytest.mark.parametrize(
-    ("words", "near"), [(["plan", "a.yaml", "--tolerence", "1"], "--tolerance"), (["paln"], "plan")]
-)
-def test_of_a_word(words, near, capsys):
-    with pytest.raises(SystemExit):
-        main(words)
-    assert capsys.readouterr().err.endswith(f"; the nearest is {near}\n")
-
-
 @pytest.mark.parametrize("command", [["verify"], ["export", "table"]])
 def test_of_a_scene_that_is_taken_for_a_plan(command, capsys):
     code, line = told([*command, PICK_AND_PLACE], capsys)
