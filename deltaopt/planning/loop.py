@@ -38,6 +38,7 @@ from deltaopt.planning.first_motions.moving_ends import first_moving_motions
 from deltaopt.planning.first_motions.order_of_merit import (
     CrossesSingularity,
     crosses_singularity,
+    first_motion,
     timed_axis,
 )
 from deltaopt.planning.first_motions.passages import paths_of_lines
@@ -155,6 +156,17 @@ class Loop:
         self.journal.mesh(f"{found.duration:.6g} s")
         self.journal.end(f"about {found.duration:.4g} s", found.duration)
         return found
+
+    def roughly(self, scene: Scene) -> float:
+        """The duration of the motion on the first mesh of a scene from rest to rest, as if there
+        were neither bodies nor via points, s; 0 where none is found."""
+        scene = scene.model_copy(update={"keep_out": None, "planned_links": (), "via": None})
+
+        def on_first_mesh() -> float:
+            attempt = Attempt(scene, first_motion(scene), self.optimiser.intervals)
+            return self.on_first_mesh(attempt).duration
+
+        return if_possible(NO_PLAN, on_first_mesh) or 0.0
 
     def good_gap(self, scene: Scene) -> float:
         """Gap up to which a plan is good enough; above it planning starts again from another first

@@ -247,7 +247,7 @@ class Run(Loop):
             found if isinstance(found, Plan) else None,
             self.optimiser.tolerance,
             planned=lambda rest: self._plan_by_limits(rest, None),
-            roughly=self._roughly,
+            roughly=self.roughly,
         )
         return or_raise(finished or found)
 
@@ -269,17 +269,6 @@ class Run(Loop):
         other = self.until_good(scene, iter([first]))
         plans = [each for each in (found, other, waiting) if isinstance(each, Plan)]
         return reduce(quicker, plans)
-
-    def _roughly(self, scene: Scene) -> float:
-        """The duration of the motion on the first mesh of a scene from rest to rest, as if there
-        were neither bodies nor via points, s; 0 where none is found."""
-        scene = scene.model_copy(update={"keep_out": None, "planned_links": (), "via": None})
-
-        def on_first_mesh() -> float:
-            attempt = Attempt(scene, first_motion(scene), self.optimiser.intervals)
-            return self.on_first_mesh(attempt).duration
-
-        return if_possible(NO_PLAN, on_first_mesh) or 0.0
 
     # Past bodies
 
