@@ -28,6 +28,8 @@ meet the belt: each takes as long as a plan. Between more of them shorter meetin
 _HALVINGS = 4
 """How often the time between the last place that is reached too late and the first that is not is
 halved: the first motion then waits for a few per cent of its duration at most."""
+_SAME_TIME = 0.02
+"""Of the time at which a belt is met: a motion that ends so much earlier or later is near it."""
 _TOO_LATE = 1.05
 """Where each of the fastest motions to all places takes more than this many times as long as the
 belt takes to get there, the belt is not met, with bodies in the way or without."""
@@ -45,13 +47,14 @@ class PlacesOnBelt:
 
     ``planned``: plans a scene, or returns the error that prevents it. ``nearest``: of the places
     that are reached too late, by how many times so: the least, and when the belt is there, s.
-    ``is_early``: whether a start that moves, and cannot wait, leads to a place too soon.
+    ``early``: when the belt is, s, at a place to which a start that moves, and cannot wait, leads
+    sooner.
     """
 
     scene: Scene
     planned: Callable[[Scene], Plan | DeltaOptError]
     nearest: tuple[float, float] | None = None
-    is_early: bool = False
+    early: float | None = None
 
     def plan(self) -> Plan | None:
         """The plan that waits and then meets the belt as soon as possible, or without waiting when
@@ -66,7 +69,7 @@ class PlacesOnBelt:
         late, found = 0.0, None
         for i in np.linspace(0, len(times) - 1, min(_PLACES, len(times))).round().astype(int):
             found = self._plan(float(times[i]))
-            if found is not None or self.is_early:
+            if found is not None or self.early:
                 break
             late = float(times[i])
         if found is None:
@@ -80,10 +83,20 @@ class PlacesOnBelt:
                 found = sooner
         return found
 
+    def without_waiting(self, time: float) -> Plan | None:
+        """The plan to about where the belt is when it ends, from a start that cannot wait: to where
+        the belt is at a ``time``, s, then to where it is when that plan ends, and so on."""
+        for _ in range(_HALVINGS):
+            found = self._plan_to(time)
+            if found is None or abs(found.duration - time) < _SAME_TIME * time:
+                return found
+            time = found.duration
+        return None
+
     def told(self, tried: int, error: DeltaOptError) -> DeltaOptError:
         """The error of attempts, so many ``tried`` in vain, or one that says how nearly the belt is
         met at a place."""
-        if self.nearest is None or self.is_early:
+        if self.nearest is None or self.early:
             return error
         times, when = self.nearest
         told = (
@@ -107,7 +120,7 @@ class PlacesOnBelt:
             self.nearest = min(late, self.nearest or late)
             return None
         if self.scene.task.start.velocity != REST:
-            self.is_early = True
+            self.early = time
             return None
         start = np.zeros((1, *moving.coefficients.shape[1:]))
         start[0, 0] = self.scene.task.start.position

@@ -254,21 +254,24 @@ class Run(Loop):
     def _onto_belt(self, scene: Scene, found: Plan | DeltaOptError) -> Plan | DeltaOptError:
         """What was ``found``, if it is good enough or there is no goal on a belt; otherwise the
         better of it and a plan by way of places that the belt passes. Past bodies and through
-        points, where that takes long, only if nothing was found."""
+        points, where that takes long, only if nothing near an optimum was found."""
         slow = limits_of(scene).constraints.has_convex or bool(scene.task.gates)
-        is_good = isinstance(found, Plan) and (slow or found.gap <= self.good_gap(scene))
-        if is_good or not scene.task.goal.moves:
+        enough = _NEARLY if slow else self.good_gap(scene)
+        if not scene.task.goal.moves or (isinstance(found, Plan) and found.gap <= enough):
             return found
         tried = len(self.attempts)
         places = PlacesOnBelt(scene, lambda each: self._past_or_through(each, simple_motions(each)))
         self.journal.note("once more, by way of places that the belt passes:")
         waiting = places.plan()
-        if waiting is None:
-            return found if isinstance(found, Plan) else places.told(tried, found)
-        first = Proposal("waiting, then to a place on the belt", waiting.trajectory)
-        other = self.until_good(scene, iter([first]))
+        first = places.without_waiting(places.early) if places.early else waiting
+        other = found
+        if first:
+            there = Proposal("to a place on the belt", first.trajectory, 1)
+            other = self.until_good(scene, iter([there]))
         plans = [each for each in (found, other, waiting) if isinstance(each, Plan)]
-        return reduce(quicker, plans)
+        if plans or isinstance(found, Plan):
+            return reduce(quicker, plans)
+        return places.told(tried, found)
 
     # Past bodies
 
