@@ -17,7 +17,7 @@ Progress = Callable[[float, str], None]
 @dataclass
 class ProgressBar:
     """A progress bar: call it with the share that is done, 0 to 1, and a text. Where its stream is
-    no terminal but a file or a pipe, it says nothing.
+    no terminal but a file or a pipe, it says no more than that all is done.
 
     Examples:
         >>> planner = deltaopt.Planner(deltaopt.load_robot("problems/robots/orsino.yaml"))
@@ -34,7 +34,7 @@ class ProgressBar:
         if _in_notebook():
             self._show(done, what)
             return
-        if not self.stream.isatty():
+        if done < 1 and not self.stream.isatty():
             return
         filled = round(WIDTH * done)
         bar = "█" * filled + "·" * (WIDTH - filled)

@@ -73,7 +73,7 @@ _MOST_MESHES, _MOST_REPEATS, _MOST_FAILURES = 17, 4, 2
 """Largest numbers of meshes, of solves in a row on the same mesh with limits tightened further, and
 of solves in a row that do not converge. They bound the time of a plan that makes no progress."""
 
-_NEARLY_KEPT = 0.5
+_NEARLY_KEPT = 0.3
 """Of a limit: where rates of torques peak and all else is within the tolerance, an excess that
 tightening takes away. A larger one it mostly does not, and other meshes take as long."""
 _MOST_EDGES = 3
@@ -196,7 +196,7 @@ class Refinement:
             return False
         unused = self.iterations[-1].gap - last.exceeding
         exceeded = float((last.lost.exceeded * last.mesh).sum())
-        is_small = max(unused, exceeded) < self.tolerance
+        is_small = max(unused, exceeded) < _TARGET_SHARE * self.tolerance
         return is_small and last.exceeding < _NEARLY_KEPT
 
     @property
