@@ -154,5 +154,6 @@ def test_a_file_receives_one_progress_bar_at_the_end(monkeypatch):
         tell = ProgressBar(stream).counting(2, "moves")
         tell(1)
         tell(2)
-    assert file.getvalue().count("\r") == 1 and "100%" in file.getvalue()
+    assert file.getvalue().count("\r") == 1
+    assert "100%" in file.getvalue()
     assert terminal.getvalue().count("\r") == 2

@@ -330,3 +330,16 @@ def test_a_share_of_the_fastest_duration_holds_past_a_body():
     found = plan(wall.model_copy(update={"objective": Effort(of_fastest=1.1)}), tolerance=1e-2)
     assert found.duration == pytest.approx(1.1 * plan(wall).duration, rel=3e-3)
     assert verify(found.scene, found.trajectory).ok
+
+
+@pytest.mark.parametrize("thickness", [0.0005, 0.002])
+def test_a_share_of_the_fastest_is_one_of_the_fastest_over_a_sheet(thickness):
+    """From other first motions the fastest over a thin sheet takes up to 1.44 times as long."""
+    half = thickness / 2
+    sheet = deltaopt.Body(box={"from": (0.78, -half, -0.6), "to": (1.3, half, 0.6)})
+    ends = {"start": (0.85, -0.15, 0.0), "goal": (0.83, 0.15, 0.05)}
+    over = CROSS.model_copy(update={"keep_out": (sheet,), **ends})
+    gently = over.model_copy(update={"objective": Effort(of_fastest=1.05)})
+    found = plan(gently)
+    assert found.duration == pytest.approx(1.05 * plan(over).duration, rel=2e-3)
+    assert verify(gently, found.trajectory).ok

@@ -321,3 +321,36 @@ def test_parts_before_and_after_a_via_point_are_fastest_motions_from_and_to_its_
     second = plan(BELT.model_copy(update={"start": state, "goal": goal}))
     gaps = whole.gap + first.gap + second.gap
     assert first.duration + second.duration == pytest.approx(whole.duration, rel=gaps)
+
+
+def over_a_wall(thickness, via, **changed):
+    """The industrial robot from one side of a wall to the other."""
+    half = thickness / 2
+    wall = deltaopt.Body(box={"from": (0.75, -half, -0.6), "to": (1.3, half, 0.6)})
+    given = {"start": (0.85, -0.15, 0.0), "goal": (0.85, 0.15, 0.0), "keep_out": (wall,)}
+    return Scene(robot=SCENE.robot, via=(via,), **(given | changed))
+
+
+def test_a_sheet_behind_a_point_is_passed_as_its_neighbours_are():
+    """Between the points of the first two meshes every motion from there leads through it."""
+    one, other = (plan(over_a_wall(0.0005, (0.82, -0.02025, z))) for z in (0.029, 0.030))
+    assert max(one.gap, other.gap) < 2e-3
+    assert one.duration == pytest.approx(other.duration, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("via", "belt", "velocity"),
+    [
+        ((0.82, -0.021, 0.03), (0.0, 0.1, 0.2), (-0.5, 0.3, -0.2)),
+        ((0.8405, -0.0176, 0.016), (0.0, 0.22, 0.21), (0.12, 0.4, -0.17)),
+    ],
+)
+def test_a_start_that_cannot_wait_meets_a_belt_behind_a_wall(via, belt, velocity):
+    """As soon as it gets to where the belt is then: that is a goal with a state, without a belt."""
+    start = State(at=(0.85, -0.15, 0.0), velocity=velocity)
+    on_belt = over_a_wall(0.005, via, start=start, goal=Belt(at=(0.85, 0.15, 0.0), belt=belt))
+    found = plan(on_belt)
+    assert verify(on_belt, found.trajectory).ok
+    met = State(at=tuple(found.trajectory(found.duration).x), velocity=belt)
+    there = plan(over_a_wall(0.005, via, start=start, goal=met))
+    assert found.duration == pytest.approx(there.duration, rel=2e-3)
