@@ -47,8 +47,8 @@ _NEARLY = 1e-2
 it there, and paths over a grid, which take long, will not."""
 _FINER, _TRIED_FINER = (2, 4), 3
 """How many times finer first meshes are tried where nothing else succeeded, and from how many of
-the best first motions. Of motions in phases or with moving ends the first of these alone, from all
-of them: finer ones take minutes where there is no such motion."""
+the best first motions. Of motions in phases or with moving ends the first of these from all of
+them, and the second from legs past bodies alone: where no such motion is it would take minutes."""
 _LONG, _LABORIOUS = 4.0, 400
 """A plan that takes more than so many times the lower bound, or took more iterations than this, may
 be a poor local minimum. Hardly any random move is the first, and one in a hundred the second:
@@ -264,8 +264,8 @@ def _away(attempts: Sequence[Attempt]) -> Iterator[Attempt]:
 def until_good(so_far: Outcomes, coarsest: int, proposals: Iterator[Proposal]) -> Iterator[Attempt]:
     """What to attempt next in phases or where an end moves, until a plan is good enough: all first
     motions on the coarsest mesh on which they stay in the workspace; where none led to a plan, some
-    away from the parallel singularity; then all on finer meshes. A motion that two sources propose,
-    as a quintic to rest and a stop, is attempted once."""
+    away from the parallel singularity; then all on finer meshes, and legs past bodies on finer ones
+    still. A motion that two sources propose, as a quintic to rest and a stop, is attempted once."""
     tried = list[Attempt]()
     for proposal in proposals:
         if any(proposal.motion.position == attempt.motion.position for attempt in tried):
@@ -279,7 +279,7 @@ def until_good(so_far: Outcomes, coarsest: int, proposals: Iterator[Proposal]) -
         yield attempt
         if so_far.is_good:
             return
-    if not so_far.plans:  # legs that are known lead past bodies, if points are near enough
+    if not so_far.plans:  # between the points of coarser meshes there may be a thin body
         yield from finer([attempt for attempt in tried if attempt.is_near], _FINER[1])
 
 

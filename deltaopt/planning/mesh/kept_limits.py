@@ -39,12 +39,14 @@ leave. It costs as much of the duration."""
 _FACTOR = 1.25
 """Tightening over the excess that was seen. A larger factor costs time, a smaller one solves."""
 _MOST = 24
-"""Solves at most; it takes one to three as a rule."""
+"""Solves at most; it takes one to three as a rule, a dozen where rates of torques peak."""
 _NOTHING = 0.1
 """Of the tolerance: what slowing may cost, of the cost, so that limits are not tightened."""
 _PATIENCE, _PIECES = 4, 3
 """After how many solves an interval that still exceeds a limit is split, and into how many. Beside
-a start that is at a limit of speed itself tightening does not help, but a shorter interval does."""
+a start that is at a limit of speed itself tightening does not help, but a shorter interval does.
+Where rates of torques peak none is: intervals are short there, and without the multipliers of their
+own mesh solves hardly converge."""
 
 
 def tightest(tolerance: float, faces: FacePhases | None) -> float:
