@@ -129,6 +129,9 @@ class Run(Loop):
         try:
             known.append(self._links_clear(scene, usual))
             so_far.add(known[0])
+            if not scene.objective.weights[0]:  # others take as long, not a share of their own
+                in_time = scene.objective.alone(known[0].duration)
+                scene = scene.model_copy(update={"objective": in_time})
         except NO_PLAN as error:
             so_far.add(error)
         motion, begin = known[0].trajectory if known else None, perf_counter()
@@ -264,10 +267,8 @@ class Run(Loop):
         self.journal.note("once more, by way of places that the belt passes:")
         waiting = places.plan()
         first = places.without_waiting(places.early) if places.early else waiting
-        other = found
-        if first:
-            there = Proposal("to a place on the belt", first.trajectory, 1)
-            other = self.until_good(scene, iter([there]))
+        there = [Proposal("to a place on the belt", first.trajectory, 1)] if first else []
+        other = self.until_good(scene, iter(there))
         plans = [each for each in (found, other, waiting) if isinstance(each, Plan)]
         if plans or isinstance(found, Plan):
             return reduce(quicker, plans)

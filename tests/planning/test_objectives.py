@@ -340,6 +340,6 @@ def test_a_share_of_the_fastest_is_one_of_the_fastest_over_a_sheet(thickness):
     ends = {"start": (0.85, -0.15, 0.0), "goal": (0.83, 0.15, 0.05)}
     over = CROSS.model_copy(update={"keep_out": (sheet,), **ends})
     gently = over.model_copy(update={"objective": Effort(of_fastest=1.05)})
-    found = plan(gently)
-    assert found.duration == pytest.approx(1.05 * plan(over).duration, rel=2e-3)
+    found, fastest = plan(gently, starts=2), plan(over)
+    assert found.duration == pytest.approx(1.05 * fastest.duration, rel=2e-3)
     assert verify(gently, found.trajectory).ok
