@@ -75,7 +75,7 @@ PLACES = {
     "a rough duration": (
         TrajectoryOptimiser,
         "on_first_mesh",
-        lambda: [each for each in [RUN._roughly(MOVE)] if each],
+        lambda: [each for each in [RUN.roughly(MOVE)] if each],
     ),
 }
 """Where one possibility of several may be ruled out: what makes it there, and what is found."""

@@ -90,7 +90,8 @@ def _against_limits(scene: Scene, trajectory: Trajectory) -> str:
     steps = np.linspace(0.0, 1.0, 2001)
     lines = []
     for curves in limit_curves(problem_of(scene), trajectory, steps):
-        share = np.abs(curves.shares)
+        share = curves.shares
+        share = np.where(np.isfinite(curves.lower), np.abs(share), share)
         instant, row = np.unravel_index(int(np.nanargmax(share)), share.shape)
         which = f" of {curves.limit.subject} {row + 1}" if share.shape[1] > 1 else ""
         bounds = bounds_in_words(curves.lower[[row]], curves.upper[[row]])

@@ -125,8 +125,8 @@ def new_files(directory: Path, *names: str) -> Iterator[Path]:
 
 
 def present(directory: Path) -> set[Path]:
-    """The files in a directory and in those in it; none if it does not exist."""
-    return set(directory.rglob("*.*")) if directory.is_dir() else set()
+    """What is in a directory, and in those of a cycle's legs in it; hidden files apart."""
+    return {file for names in ("[!.]*", "leg_*/[!.]*") for file in directory.glob(names)}
 
 
 def print_written(files: Iterable[Path], before: Collection[Path]) -> None:
@@ -136,10 +136,10 @@ def print_written(files: Iterable[Path], before: Collection[Path]) -> None:
     for what, those in (
         ("written", [file for file in files if file not in before]),
         ("replaced", [file for file in files if file in before]),
-        ("removed", sorted(file for file in before if not file.exists())),
+        ("removed", sorted(file for file in before if not os.path.lexists(file))),
     ):
         if len(those) > _MANY:
-            print(f"{what}: {os.path.commonpath(those)} ({len(those)} files)")
+            print(f"{what}: {os.path.commonpath(those) or os.curdir} ({len(those)} files)")
         elif those:
             print(f"{what}:", ", ".join(map(str, those)))
 

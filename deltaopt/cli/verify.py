@@ -107,9 +107,9 @@ def run(arguments: argparse.Namespace) -> int:
     saved = load_plan(arguments.motion)
     scene = load_scene(arguments.scene) if arguments.scene else saved.scene
     found = verify(scene, saved.trajectory)
-    if arguments.scene and found.obstacles:
-        keys = [key for key, given in saved.scene if given != getattr(scene, key)]
-        off = f"{', '.join(keys) or 'nothing'} differ from those of {arguments.scene}"
+    keys = [key for key, given in saved.scene if given != getattr(scene, key)]
+    if keys and found.obstacles and not arguments.json:
+        off = f"{', '.join(keys)} differ from those of {arguments.scene}"
         raise NotMeasured(f"{arguments.motion}: {off}; {'; '.join(found.obstacles)}")
     differences = _differences(arguments.motion, saved, None if arguments.scene else found.ok)
     replay = replay_in_mujoco(saved.trajectory) if arguments.other else None

@@ -155,6 +155,7 @@ def _replace(hidden: Path, directory: Path, earlier: Earlier) -> None:
     for name in (*names, *leaving):
         require_replaceable(directory / name)
     (hidden / _LEAVING).write_text("\n".join(map(str, leaving)), encoding="utf-8")
+    to_disk(hidden / _LEAVING)
     (hidden / _REPLACED).mkdir()
     with ExitStack() as undo:
         for name in names:
@@ -188,7 +189,9 @@ def _complete(hidden: Path, directory: Path) -> None:
     with suppress(OSError):  # it stays for another time
         if (hidden / _REPLACED).is_dir():
             for name in (hidden / _LEAVING).read_text(encoding="utf-8").splitlines():
-                (directory / name).unlink(missing_ok=True)
+                if not _exists(hidden / _REPLACED / name):  # else it has left
+                    (directory / name).unlink(missing_ok=True)
+                _remove_if_empty((directory / name).parent)
             for file in _names(hidden):
                 _move(hidden / file, directory / file)
         shutil.rmtree(hidden)

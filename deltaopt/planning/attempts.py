@@ -298,3 +298,23 @@ def finer(attempts: Iterable[Attempt], factor: int) -> Iterator[Attempt]:
     """Attempts on finer first meshes."""
     for attempt in attempts:
         yield replace(attempt, intervals=factor * attempt.intervals)
+
+
+def what_came_of(tried: int, led: int, best: Plan, usual: Plan | None) -> str:
+    """In words, what so many other first motions, ``led`` of them to plans, gained beside the
+    ``usual`` plan, which is None if these led to the only ones."""
+    begin = f"{tried} more first motion{' was' if tried == 1 else 's were'} tried"
+    if usual is None:
+        result = f"the usual ones led to no plan, {led} of these did"
+    elif led == 0:
+        result = "none led to a plan"
+    else:
+        saved, is_time = 1 - best.cost / usual.cost, isinstance(best.scene.objective, Time)
+        if saved > usual.tolerance:
+            by = f"{100 * saved:.2g} %"
+            result = f"the best is {by} faster" if is_time else f"the best costs {by} less"
+        else:
+            better = "faster" if is_time else "better"
+            result = f"none is {better} by more than the tolerance"
+        result = result if led == tried else f"{led} led to a plan, {result}"
+    return f"{begin}, other ways and random ones: {result}; any others were not looked at"

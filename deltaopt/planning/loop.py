@@ -60,7 +60,7 @@ from deltaopt.scene.objective import Time
 from deltaopt.scene.parallel_singularity import require_ends_on_one_side
 from deltaopt.scene.scene import Scene
 
-_USUAL, _ANOTHER_WAY_ABOVE = 1e-3, 3e-3
+USUAL, _ANOTHER_WAY_ABOVE = 1e-3, 3e-3
 """Tolerances of at least the first are to be met, or planning starts again from another first
 motion. Where a tighter one is missed, or rates of torques peak, it does so above the second:
 smaller gaps are not the first motion's fault, and planning again seldom changes them."""
@@ -172,7 +172,7 @@ class Loop:
         """Gap up to which a plan is good enough; above it planning starts again from another first
         motion."""
         tolerance = self.optimiser.tolerance
-        is_usual = tolerance >= _USUAL and not problem_of(scene).rates_peak
+        is_usual = tolerance >= USUAL and not problem_of(scene).rates_peak
         return tolerance if is_usual else max(tolerance, _ANOTHER_WAY_ABOVE)
 
     def by_merit(self, scene: Scene) -> Plan:
@@ -304,9 +304,9 @@ def _kept(scene: Scene, motion: Trajectory) -> Trajectory | None:
 
 
 def _in_given_time(scene: Scene, motion: Trajectory) -> Trajectory | None:
-    """A motion that keeps all limits, slowed to the duration that is given, if one is; None where
-    it takes longer than that, or does not keep them then, as where an end moves."""
-    given = scene.objective.given_duration
+    """A motion that keeps all limits, slowed to the duration that is given, if one is, or a share
+    of its own; None where it takes longer, or does not keep them, as where an end moves."""
+    given = scene.objective.after(motion.duration).given_duration
     if given is None:
         return motion
     if motion.duration > given or not problem_of(scene).is_at_rest:

@@ -32,6 +32,7 @@ from deltaopt.planning.attempts import (
     Search,
     from_motion,
     on_few_intervals,
+    what_came_of,
 )
 from deltaopt.planning.belt_places import PlacesOnBelt, TooLate
 from deltaopt.planning.effort_planning import require_possible
@@ -49,7 +50,7 @@ from deltaopt.planning.first_motions.through_gates import simple_motions, throug
 from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.in_flight import finished_first
 from deltaopt.planning.links_clear import keeping_links_clear
-from deltaopt.planning.loop import Loop, or_raise
+from deltaopt.planning.loop import USUAL, Loop, or_raise
 from deltaopt.planning.past_bodies.legs import proposed_in_legs
 from deltaopt.planning.past_bodies.ways import NEARLY, at_rest, fastest_way
 from deltaopt.planning.path.path_planning import (
@@ -102,8 +103,10 @@ class Run(Loop):
 
         def usual(scene: Scene) -> Plan:
             # from a motion that is near the best, or from the usual first motions
-            asked, motion = (scene, near) if near else self._from_fastest(scene, under_way)
-            return self._nearby(asked, motion) or self._plan_by_limits(asked, under_way)
+            has_bodies = limits_of(scene).constraints.has_convex
+            if near is None and has_bodies and not isinstance(scene.objective, Time):
+                return self._from_fastest(scene, under_way)
+            return self._nearby(scene, near) or self._plan_by_limits(scene, under_way)
 
         if search is None:
             found = self._links_clear(scene, usual)
@@ -147,7 +150,7 @@ class Run(Loop):
             if perf_counter() - begin > search.seconds:
                 break
         best, led = so_far.best_known(), len(so_far.plans) - len(known)
-        searched = _what_came_of(so_far.tried - 1, led, best, known[0] if known else None)
+        searched = what_came_of(so_far.tried - 1, led, best, known[0] if known else None)
         ways = best.ways or (known[0].ways if known else ())
         return replace(best, searched=searched, ways=ways)
 
@@ -168,19 +171,23 @@ class Run(Loop):
             return None
         return found if is_clear(scene, found.trajectory) else None
 
-    def _from_fastest(
-        self, scene: Scene, under_way: PiecewisePolynomial | None
-    ) -> tuple[Scene, Trajectory | None]:
-        """A scene past bodies with its duration in s, if it gives one as a share of the fastest
-        motion's, and that motion: the best for another objective is near it, and from others
-        motions over edges may be found that are far slower. None for the fastest motion itself."""
-        if isinstance(scene.objective, Time) or not limits_of(scene).constraints.has_convex:
-            return scene, None
-        fastest = self._plan_by_limits(scene.model_copy(update={"objective": Time()}), under_way)
+    def _from_fastest(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
+        """Plan for another objective than time past bodies: from the fastest motion, of whose
+        duration a share may be asked for and near which the best is, or from the usual first
+        motions. From these alone motions over edges may be found that are far slower."""
+        tolerance = max(self.optimiser.tolerance, USUAL)
+        quick = replace(self, optimiser=replace(self.optimiser, tolerance=tolerance))
+        fastest = quick._plan_by_limits(scene.model_copy(update={"objective": Time()}), under_way)
         objective = scene.objective.after(fastest.duration)
         if objective.given_duration is not None:
             require_possible(objective.given_duration, fastest.duration, fastest.gap)
-        return scene.model_copy(update={"objective": objective}), fastest.trajectory
+        asked = scene.model_copy(update={"objective": objective})
+        found = self._nearby(asked, fastest.trajectory)
+        if found is None:
+            found = self._plan_by_limits(asked, under_way)
+        elif found.gap > self.good_gap(asked):
+            found = self.improved(asked, found)
+        return replace(found, scene=scene, ways=found.ways or fastest.ways)
 
     def _plan_by_limits(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
         """Plan a scene that is feasible, of arms and forearms with those alone clear of bodies that
@@ -270,7 +277,7 @@ class Run(Loop):
         there = [Proposal("to a place on the belt", first.trajectory, 1)] if first else []
         other = self.until_good(scene, iter(there))
         plans = [each for each in (found, other, waiting) if isinstance(each, Plan)]
-        if plans or isinstance(found, Plan):
+        if isinstance(found, Plan) or plans:
             return reduce(quicker, plans)
         return places.told(tried, found)
 
@@ -378,23 +385,3 @@ def _resolvable(found: Plan) -> Plan:
             f"resolve; at least {_SHORTEST_WAY:g} m are needed"
         )
     return found
-
-
-def _what_came_of(tried: int, led: int, best: Plan, usual: Plan | None) -> str:
-    """In words, what so many other first motions, ``led`` of them to plans, gained beside the
-    ``usual`` plan; None if there is none."""
-    begin = f"{tried} more first motion{' was' if tried == 1 else 's were'} tried"
-    if usual is None:
-        result = f"the usual ones led to no plan, {led} of these did"
-    elif led == 0:
-        result = "none led to a plan"
-    else:
-        saved, is_time = 1 - best.cost / usual.cost, isinstance(best.scene.objective, Time)
-        if saved > usual.tolerance:
-            by = f"{100 * saved:.2g} %"
-            result = f"the best is {by} faster" if is_time else f"the best costs {by} less"
-        else:
-            better = "faster" if is_time else "better"
-            result = f"none is {better} by more than the tolerance"
-        result = result if led == tried else f"{led} led to a plan, {result}"
-    return f"{begin}, other ways and random ones: {result}; any others were not looked at"
