@@ -103,10 +103,10 @@ class Run(Loop):
 
         def usual(scene: Scene) -> Plan:
             # from a motion that is near the best, or from the usual first motions
-            has_bodies = limits_of(scene).constraints.has_convex
-            if near is None and has_bodies and not isinstance(scene.objective, Time):
-                return self._from_fastest(scene, under_way)
-            return self._nearby(scene, near) or self._plan_by_limits(scene, under_way)
+            found = self._nearby(scene, near)
+            if found is None and not isinstance(scene.objective, Time):
+                found = self._at_least_cost(scene, under_way)
+            return found or self._plan_by_limits(scene, under_way)
 
         if search is None:
             found = self._links_clear(scene, usual)
@@ -171,10 +171,18 @@ class Run(Loop):
             return None
         return found if is_clear(scene, found.trajectory) else None
 
-    def _from_fastest(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
-        """Plan for another objective than time past bodies: from the fastest motion, of whose
-        duration a share may be asked for and near which the best is, or from the usual first
-        motions. From these alone motions over edges may be found that are far slower."""
+    def _at_least_cost(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan | None:
+        """Plan for another objective than time past bodies: from the usual first motions; where a
+        share of the fastest motion's duration is asked for, or these lead to none near an optimum,
+        from that motion, near which the best is: over edges the fastest from each alone may be far
+        slower. None without bodies."""
+        if not limits_of(scene).constraints.has_convex:
+            return None
+        is_share = not scene.objective.weights[0] and scene.objective.given_duration is None
+        planned = partial(self._plan_by_limits, scene, under_way)
+        usual = None if is_share else if_possible(NO_PLAN, planned)
+        if usual is not None and usual.gap <= _NEARLY:
+            return usual
         tolerance = max(self.optimiser.tolerance, USUAL)
         quick = replace(self, optimiser=replace(self.optimiser, tolerance=tolerance))
         fastest = quick._plan_by_limits(scene.model_copy(update={"objective": Time()}), under_way)
@@ -182,10 +190,8 @@ class Run(Loop):
         if objective.given_duration is not None:
             require_possible(objective.given_duration, fastest.duration, fastest.gap)
         asked = scene.model_copy(update={"objective": objective})
-        found = self._nearby(asked, fastest.trajectory)
-        if found is None:
-            found = self._plan_by_limits(asked, under_way)
-        elif found.gap > self.good_gap(asked):
+        found = self._nearby(asked, fastest.trajectory) or self._plan_by_limits(asked, under_way)
+        if found.gap > self.good_gap(asked):
             found = self.improved(asked, found)
         return replace(found, scene=scene, ways=found.ways or fastest.ways)
 
