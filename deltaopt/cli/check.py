@@ -101,6 +101,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.terms and arguments.json:
         raise WrongUsage("--terms prints a table; it has no --json")
     if arguments.terms:
+        if has_cycle(arguments.scene):
+            raise WrongUsage(f"--terms is for single motions; {arguments.scene} is a cycle")
         return _terms(arguments)
     content = read_yaml(arguments.scene)
     if "drive" in content and "robot" not in content:

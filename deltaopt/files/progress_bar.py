@@ -34,7 +34,7 @@ class ProgressBar:
         if _in_notebook():
             self._show(done, what)
             return
-        if done < 1 and not self.stream.isatty():
+        if done < 1 and not getattr(self.stream, "isatty", bool)():
             return
         filled = round(WIDTH * done)
         bar = "█" * filled + "·" * (WIDTH - filled)

@@ -27,7 +27,8 @@ _PLACES = 8
 meet the belt: each takes as long as a plan. Between more of them shorter meetings are found."""
 _HALVINGS = 4
 """How often the time between the last place that is reached too late and the first that is not is
-halved: the first motion then waits for a few per cent of its duration at most."""
+halved: the first motion then waits for a few per cent of its duration at most. And how often the
+belt is planned to again from a start that cannot wait."""
 _SAME_TIME = 0.02
 """Of the time at which a belt is met: a motion that ends so much earlier or later is near it."""
 _TOO_LATE = 1.05
@@ -85,7 +86,8 @@ class PlacesOnBelt:
 
     def without_waiting(self, time: float) -> Plan | None:
         """The plan to about where the belt is when it ends, from a start that cannot wait: to where
-        the belt is at a ``time``, s, then to where it is when that plan ends, and so on."""
+        the belt is at a ``time``, s, then to where it is when that plan ends, and so on. None where
+        these plans do not end alike after a few."""
         for _ in range(_HALVINGS):
             found = self._plan_to(time)
             if found is None or abs(found.duration - time) < _SAME_TIME * time:

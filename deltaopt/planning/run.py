@@ -280,7 +280,8 @@ class Run(Loop):
         self.journal.note("once more, by way of places that the belt passes:")
         waiting = places.plan()
         first = places.without_waiting(places.early) if places.early else waiting
-        there = [Proposal("to a place on the belt", first.trajectory, 1)] if first else []
+        name = f"{'waiting, then ' if waiting else ''}to a place on the belt"
+        there = [Proposal(name, first.trajectory, 1)] if first else []
         other = self.until_good(scene, iter(there))
         plans = [each for each in (found, other, waiting) if isinstance(each, Plan)]
         if isinstance(found, Plan) or plans:
