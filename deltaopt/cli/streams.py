@@ -125,8 +125,9 @@ def new_files(directory: Path, *names: str) -> Iterator[Path]:
 
 
 def present(directory: Path) -> set[Path]:
-    """What is in a directory, and in those of a cycle's legs in it; hidden files apart."""
-    return {file for names in ("[!.]*", "leg_*/[!.]*") for file in directory.glob(names)}
+    """The files in a directory, and in those of a cycle's legs in it; hidden ones apart."""
+    found = (file for names in ("[!.]*", "leg_*/[!.]*") for file in directory.glob(names))
+    return {file for file in found if not file.is_dir()}
 
 
 def print_written(files: Iterable[Path], before: Collection[Path]) -> None:
