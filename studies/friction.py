@@ -26,6 +26,7 @@ from deltaopt.robot.robot import Robot
 from studies.bench.random_scenes import random_scenes
 from studies.kept_rows import kept_rows
 from studies.problems import PROBLEMS, add_directory
+from studies.smooth import limited
 from studies.timed import attempted
 
 HELP = "what Coulomb friction costs in time"
@@ -125,7 +126,7 @@ def _moves(
     name, payload, coulomb, speed = CASES[case]
     robot = _with(load_robot(PROBLEMS / "robots" / f"{name}.yaml"), coulomb, speed)
     for index, free in enumerate(random_scenes(robot, payload, number, seed)):
-        move = free if ramp is None else _with_ramp(free, ramp)
+        move = free if ramp is None else limited(free, ramp)
         if index == 0:  # what is compiled once is compiled now
             plan(move)
             plan(_without(move))
@@ -164,11 +165,6 @@ def _measured(case: int, index: int, move: Scene, best: bool) -> Measured:
 
 def _work(found: Plan) -> int:
     return sum(mesh.iterations * mesh.intervals for mesh in found.meshes)
-
-
-def _with_ramp(move: Scene, ramp: float) -> Scene:
-    rates = tuple(1e3 * torque / ramp for torque in move.robot.torque_limits)
-    return move.model_copy(update={"limits": {"torque_rate": rates}})
 
 
 def _without(move: Scene) -> Scene:
