@@ -188,7 +188,7 @@ ANGULAR_JERK = Quantity("rad/s**3", (), 1e8, ("deg/s^3",))
 VISCOUS_FRICTION = Quantity("N*m*s/rad", ("N*m*s",), 1e4, ("N*mm*s/rad",))
 RATIO = Quantity("")
 """A number without a unit, or in percent."""
-SHARE = Quantity("", (), 1.0, ("%",))
+EFFICIENCY = Quantity("", (), 1.0, ("%",))
 EFFORT_WEIGHT = Quantity("1/(N**2*m**2)")
 JERK_WEIGHT = Quantity("s**6/m**2")
 TORQUE_RATE_WEIGHT = Quantity("s**2/(N**2*m**2)")

@@ -284,7 +284,7 @@ class Run(Loop):
         there = [Proposal(name, first.trajectory, 1)] if first else []
         other = self.until_good(scene, iter(there))
         plans = [each for each in (found, other, waiting) if isinstance(each, Plan)]
-        if isinstance(found, Plan) or plans:
+        if plans or isinstance(found, Plan):  # which is among them
             return reduce(quicker, plans)
         return places.told(tried, found)
 

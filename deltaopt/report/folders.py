@@ -78,8 +78,9 @@ def _write(folder: Path, facts: Facts, rate: float, drawn: Drawn) -> list[str]:
 
 
 def _earlier(directory: Path, other: str) -> list[str]:
-    """Names of the files in a directory that belong to a cycle of other legs, or to what has this
-    ``other`` record and is no plan where a cycle is saved, no cycle where a plan is."""
+    """Names of the files that a directory may have from before and that are not to stay: those of
+    the legs of a cycle that was saved there, and those beside the ``other`` record, which a plan
+    has where a cycle is saved now, and a cycle where a plan is."""
     is_cycle = (directory / cycle_files.RECORD).exists()
     places = [f"{cycle_files.folder_of(index)}/" for index in range(MOST_LEGS)] if is_cycle else []
     places += [""] if (directory / other).exists() else []
@@ -92,9 +93,9 @@ def save_cycle(
     """Write the files of a planned cycle into a directory, made if need be; return their paths.
 
     Each leg has a folder there, as a plan of its own has, from which all commands on plans work.
-    All of them appear there at once, or none. The files of an earlier plan, or of a cycle with
-    more legs, leave. ``rate``: instants per second in tables, Hz. Raises OSError, naming the file,
-    if one cannot be written.
+    All of them appear there at once, or none. The files of an earlier plan, and of the legs of an
+    earlier cycle, leave. ``rate``: instants per second in tables, Hz. Raises OSError, naming the
+    file, if one cannot be written.
     """
     written, legs = [TABLE, cycle_files.RECORD], list[str]()
     record = cycle_files.content_of_cycle(plan, verification)

@@ -21,7 +21,14 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from deltaopt.errors import SceneError
-from deltaopt.files.units import MOTOR_SPEED, MOTOR_TORQUE, RATIO, ROTOR_INERTIA, SHARE, TORQUE
+from deltaopt.files.units import (
+    EFFICIENCY,
+    MOTOR_SPEED,
+    MOTOR_TORQUE,
+    RATIO,
+    ROTOR_INERTIA,
+    TORQUE,
+)
 from deltaopt.files.validated_record import NonNegative, Positive, Record, optional
 
 Curve = tuple[tuple[float, float], ...]
@@ -102,7 +109,7 @@ class Gear(Record):
     ratio: Annotated[Positive, RATIO] = Field(
         description="a number greater than 0, motor's speed over arm's"
     )
-    efficiency: Annotated[Positive, Field(le=1), SHARE] = Field(
+    efficiency: Annotated[Positive, Field(le=1), EFFICIENCY] = Field(
         default=1.0, description="a number greater than 0 and at most 1"
     )
     inertia: Annotated[NonNegative, ROTOR_INERTIA] | None = optional(
