@@ -19,7 +19,7 @@ from typing import Any
 from deltaopt.cli.arguments import add_output, one_or_more
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.sweeps.findings import best_compromises, message, told, varied
-from deltaopt.sweeps.points import Points
+from deltaopt.sweeps.points import SweepPoints
 from deltaopt.sweeps.run import cluster, processes
 from deltaopt.sweeps.sweep import fill
 from deltaopt.sweeps.sweep_file import load_sweep
@@ -41,7 +41,7 @@ def add_how(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-plot", action="store_true", help="draw no picture")
 
 
-def filled(arguments: argparse.Namespace, name: str, points: Points) -> tuple[Path, Any]:
+def filled(arguments: argparse.Namespace, name: str, points: SweepPoints) -> tuple[Path, Any]:
     """The table of all points, planned now where they are not there: its file and its rows."""
     file = arguments.output or Path("out") / f"{name}.csv"
     there = partial(cluster, arguments.scheduler)

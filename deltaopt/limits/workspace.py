@@ -50,7 +50,7 @@ WORKSPACE_RADIUS = Norm(
 """Largest distance of the tool's point from the base's axis."""
 
 
-class Approach(PhasedLimit):
+class ApproachLimit(PhasedLimit):
     """Two rows. The first: the squared distance from the axis over the squared radius, in the outer
     phases. The second: how far below the level the tool is, in the middle phase.
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from matplotlib.axes import Axes
 
-from deltaopt.compare.dynamics.study import Row, Study
+from deltaopt.compare.dynamics.study import ModelRow, Study
 from deltaopt.plots.colours import BLUE, LIGHT_GREY
 from deltaopt.plots.style import figure, without_box
 
@@ -34,12 +34,12 @@ def title(study: Study) -> str:
     return f"Models err by {error:.0e} at most, and differ {max(apart):.0f} times in cost"
 
 
-def _time(row: Row) -> float:
+def _time(row: ModelRow) -> float:
     """Of an evaluation, µs."""
     return 1e6 * row.seconds
 
 
-def _bars(axes: Axes, rows: Sequence[Row]) -> None:
+def _bars(axes: Axes, rows: Sequence[ModelRow]) -> None:
     names = [f"{row.model}, {row.variant}" for row in rows]
     colours = [BLUE if row.compiled else LIGHT_GREY for row in rows]
     bars = axes.barh(names, [_time(row) for row in rows], color=colours, height=0.7)

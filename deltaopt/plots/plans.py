@@ -10,7 +10,7 @@ from math import isfinite
 from pathlib import Path
 
 from deltaopt.compare.plans.report import FORMULATIONS
-from deltaopt.compare.plans.study import Method, PlanStudy, Row
+from deltaopt.compare.plans.study import Method, PlanStudy, SolveRow
 from deltaopt.plots.colours import BLACK, BLUE, ORANGE, VERMILION
 from deltaopt.plots.style import figure, logarithmic, name_lines, without_box
 
@@ -45,7 +45,7 @@ def draw(study: PlanStudy, case: str, path: Path) -> None:
         without_box(axes)
 
 
-def title(rows: list[Row], case: str) -> str:
+def title(rows: list[SolveRow], case: str) -> str:
     """The message: which formulation is soonest at its best accuracy."""
     last = {
         method.formulation: [row for row in rows if row.method == method and not row.failure][-1]
@@ -57,7 +57,7 @@ def title(rows: list[Row], case: str) -> str:
     return f"{case.replace('_', ' ')}: {soonest} is {ratio:.1f} times quicker than {slowest}"
 
 
-def best_of_each(rows: list[Row]) -> list[Method]:
+def best_of_each(rows: list[SolveRow]) -> list[Method]:
     """Of each formulation the method that comes nearest to the reference on any mesh without drift,
     in the order of ``FORMULATIONS``; of equals the quicker one."""
     found = []

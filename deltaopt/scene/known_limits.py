@@ -39,7 +39,7 @@ from deltaopt.limits.singularities import (
     SerialSingularity,
 )
 from deltaopt.limits.tube import MOST_PARTS, Tube, parts_of
-from deltaopt.limits.workspace import WORKSPACE_DEPTH, WORKSPACE_RADIUS, Approach
+from deltaopt.limits.workspace import WORKSPACE_DEPTH, WORKSPACE_RADIUS, ApproachLimit
 from deltaopt.robot.machine import Machine
 from deltaopt.robot.solids import MOST_TRIANGLES, Convex, Polytope
 
@@ -63,7 +63,7 @@ LIMITS: tuple[Limit, ...] = (
     KeepOut(),
     *hull_limits(),
     Tube(),
-    Approach(),
+    ApproachLimit(),
     LinkClearance(),
     TORQUE_RATE_LIMIT,
     PLATFORM_JERK,

@@ -16,7 +16,7 @@ from deltaopt.scene.feasibility import are_surely_feasible
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import made_of
 from deltaopt.sensitivity.keys import PLACE, Content, ends_of
-from deltaopt.sweeps.points import Base, Points
+from deltaopt.sweeps.points import Base, SweepPoints
 from deltaopt.sweeps.sweep_file import Samples, base_of
 
 ENDS = tuple(f"{end}.{axis}" for end in ("start", "goal") for axis in range(3))
@@ -51,7 +51,7 @@ class Cell:
 
     base: Base
 
-    def places(self, x: Range = (), y: Range = (), z: Range = ()) -> Points:
+    def places(self, x: Range = (), y: Range = (), z: Range = ()) -> SweepPoints:
         """The move with its middle at the places of a grid: in ranges, and where an axis has none,
         in the region in which its ends can be. Raises Infeasible if there is none."""
         middles = self._region(ends_of(self.base.content))
@@ -65,11 +65,11 @@ class Cell:
             last, number = (*rest, steps)[:2] if rest else (first, 1)
             values = np.linspace(first, last, int(number)).round(_DIGITS) + 0.0
             axes.append([{axis: value} for value in values.tolist()])
-        return Points([self.base], axes, PLACE)
+        return SweepPoints([self.base], axes, PLACE)
 
     def moves(
         self, number: int, x: Range = (), y: Range = (), z: Range = (), seed: int = 1
-    ) -> Points:
+    ) -> SweepPoints:
         """Random moves between points in a region at which the robot can be at rest.
 
         Raises Infeasible if there are hardly any, and MissingPackage without scipy.
@@ -90,7 +90,7 @@ class Cell:
                 f"of {len(drawn)} random moves only {len(possible)} begin and end where the robot "
                 "can be at rest; a smaller region would do"
             )
-        return Points([Base(self.base.name, self.base.file, content)], [possible], ENDS)
+        return SweepPoints([Base(self.base.name, self.base.file, content)], [possible], ENDS)
 
     @property
     def _scene(self) -> Scene:

@@ -65,7 +65,7 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Points:
+class SweepPoints:
     """All bases, each with one set of changes of each of the ``axes`` together.
 
     ``keys``: which columns the changes have, in order. ``tolerance``: of the plans.

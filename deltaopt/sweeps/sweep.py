@@ -17,7 +17,7 @@ from deltaopt.files.atomic_write import atomic_write, require_replaceable
 from deltaopt.files.csv_table import csv_text
 from deltaopt.files.output_folder import locked
 from deltaopt.files.progress_bar import Progress
-from deltaopt.sweeps.points import Points
+from deltaopt.sweeps.points import SweepPoints
 from deltaopt.sweeps.run import Row, Start, on, processes, rows
 from deltaopt.sweeps.sweep_file import Sweep, load_sweep
 
@@ -30,7 +30,7 @@ class OtherTable(Unusable):
 
 
 def sweep(
-    what: Sweep | Points | str | Path,
+    what: Sweep | SweepPoints | str | Path,
     file: str | Path,
     *,
     executor: Executor | None = None,
@@ -59,13 +59,13 @@ def sweep(
     """
     if isinstance(what, Sweep):
         what = what.points_from(Path())
-    points = what if isinstance(what, Points) else load_sweep(what)[1]
+    points = what if isinstance(what, SweepPoints) else load_sweep(what)[1]
     here = partial(processes, workers)
     start = here if executor is None else partial(on, executor, workers or 1)
     return fill(Path(file), points, start, progress)
 
 
-def fill(file: Path, points: Points, start: Start, progress: Progress | None = None) -> Any:
+def fill(file: Path, points: SweepPoints, start: Start, progress: Progress | None = None) -> Any:
     """Add the row of each point that has none to a table, and return it, a pandas DataFrame. Raises
     OtherTable where its rows are of other points than these, and MissingPackage."""
     installed("pandas", "sweep")  # before any work

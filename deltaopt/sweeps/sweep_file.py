@@ -28,7 +28,7 @@ from deltaopt.files.yaml_file import read_yaml
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.scene_file import content_with_files, load_job, made_of
 from deltaopt.sensitivity.keys import changed
-from deltaopt.sweeps.points import FACTS, Base, Changes, Points
+from deltaopt.sweeps.points import FACTS, Base, Changes, SweepPoints
 
 MOST_POINTS = 1_000_000
 _NUMBER = f"a whole number from 1 to {MOST_POINTS}"
@@ -113,7 +113,7 @@ class Sweep(Record):
         parts = (self.grid, *(self.points or ()), self.samples.ranges if self.samples else {})
         return list(dict.fromkeys(chain(*parts)))
 
-    def points_from(self, folder: Path) -> Points:
+    def points_from(self, folder: Path) -> SweepPoints:
         """All points; files are relative to a folder. Raises SceneError, also where no value of a
         key can be used."""
         bases = [
@@ -128,10 +128,10 @@ class Sweep(Record):
             axes.append(self.samples.drawn)
         for changes in axes:
             _require_usable(bases, changes)
-        return Points(bases, axes, self.headers, self.tolerance)
+        return SweepPoints(bases, axes, self.headers, self.tolerance)
 
 
-def load_sweep(path: str | Path) -> tuple[Sweep, Points]:
+def load_sweep(path: str | Path) -> tuple[Sweep, SweepPoints]:
     """The sweep of a file, and its points.
 
     Raises SceneError, naming file and key, if it or a file that it names cannot be used.

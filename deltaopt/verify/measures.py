@@ -29,7 +29,7 @@ from deltaopt.robot.model import model_of
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.duty import Duty, duty
-from deltaopt.verify.resolved_curves import DEGREE, Cells, Peaks, ResolvedCurves
+from deltaopt.verify.resolved_curves import DEGREE, Cells, ResolvedCurves, ResolvedPeaks
 
 RESOLVED = 1e-10
 """To so much of the larger of its limit and itself a measure is known between samples: a tenth of
@@ -284,11 +284,11 @@ class MeasuredMotion:
         return len(self.sides) + sum(3 if kind.per_chain else 1 for kind in kinds)
 
     @cached_property
-    def _peaks(self) -> Peaks:
+    def _peaks(self) -> ResolvedPeaks:
         """Of the excesses and distances."""
         return self.resolved.highest(self._nearness)
 
-    def _time(self, peaks: Peaks, i: int) -> float:
+    def _time(self, peaks: ResolvedPeaks, i: int) -> float:
         knots = self.trajectory.knots
         begin, end = knots[peaks.pieces[i]], knots[peaks.pieces[i] + 1]
         return float(begin + peaks.fractions[i] * (end - begin))

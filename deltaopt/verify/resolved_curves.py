@@ -113,7 +113,7 @@ class Cells:
 
 
 @dataclass(frozen=True)
-class Peaks:
+class ResolvedPeaks:
     """The highest value of each of c curves, and where: value, piece, fraction of it, (c,) each."""
 
     values: Array
@@ -191,7 +191,7 @@ class ResolvedCurves:
             found += [(int(cell.piece[0]), s) for s in cell.places((1 + real) / 2)[0].tolist()]
         return np.array([m for m, _ in found], np.intp), np.array([s for _, s in found])
 
-    def highest(self, number: int) -> Peaks:
+    def highest(self, number: int) -> ResolvedPeaks:
         """Of the first so many curves: the tops of the polynomials, and the curves there."""
         cell, curve, place = self._candidates(number)
         coefficients = self.coefficients[cell, :, curve].T  # (DEGREE + 1, candidates)
@@ -208,7 +208,7 @@ class ResolvedCurves:
         cells = self.cells[cell[last]]
         fractions = np.diagonal(cells.places((1 + top[last]) / 2)).copy()
         reached = np.diagonal(self.curves(cells.piece, fractions))
-        return self._better(Peaks(reached, cells.piece, fractions))
+        return self._better(ResolvedPeaks(reached, cells.piece, fractions))
 
     def _candidates(self, number: int) -> tuple[Index, Index, Array]:
         """Hills of the polynomials that may be the highest of their curve: cell, curve, place in
@@ -231,7 +231,7 @@ class ResolvedCurves:
         pair, fine = np.nonzero(hill)
         return cell[pair], curve[pair], _FINE_PLACES[fine]
 
-    def _better(self, tops: Peaks) -> Peaks:
+    def _better(self, tops: ResolvedPeaks) -> ResolvedPeaks:
         """These, or samples that are higher still."""
         number = len(tops.values)
         flat = self.values[:, :, :number].reshape(-1, number)
@@ -241,7 +241,7 @@ class ResolvedCurves:
         cells = self.cells[cell]
         fractions = np.diagonal(cells.places(POINTS[point]))
         higher = values > tops.values
-        return Peaks(
+        return ResolvedPeaks(
             np.where(higher, values, tops.values),
             np.where(higher, cells.piece, tops.pieces),
             np.where(higher, fractions, tops.fractions),

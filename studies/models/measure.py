@@ -11,10 +11,10 @@ from deltaopt.codegen.c_compiler import compiler
 from deltaopt.codegen.compile import in_machine_code
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.models import TASKS as TASKS_OF
-from deltaopt.compare.dynamics.models import Samples, models
+from deltaopt.compare.dynamics.models import StateSamples, models
 from deltaopt.compare.dynamics.printed import PAPER
 from deltaopt.compare.dynamics.samples import NEAR_HOME, exact_samples
-from deltaopt.compare.dynamics.study import Run, interleaved, operations, renamed
+from deltaopt.compare.dynamics.study import TimedFunction, interleaved, operations, renamed
 from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.mechanism import Mechanism
@@ -101,7 +101,7 @@ def measure(
     return Models(np.array(distances), errors, floors, costs)
 
 
-def _costs(m: Mechanism, samples: Samples, rounds: int) -> dict[tuple[str, str], Cost]:
+def _costs(m: Mechanism, samples: StateSamples, rounds: int) -> dict[tuple[str, str], Cost]:
     """Count and time the chosen models in turn, interpreted and, given a compiler, compiled."""
     partition = Partition.pivoted(s.Functions(m).jacobian(0, NEAR_HOME, PAPER.values()).full())
     every = models(partition)
@@ -112,13 +112,13 @@ def _costs(m: Mechanism, samples: Samples, rounds: int) -> dict[tuple[str, str],
         for x in every
         if (x.name, x.variant) == (model, variant)
     }
-    runs = {(key, False): Run(f, task, samples) for key, (task, f, _) in built.items()}
+    runs = {(key, False): TimedFunction(f, task, samples) for key, (task, f, _) in built.items()}
     named = {
         key: renamed(f, f"model{i}") for i, (key, (_, f, can)) in enumerate(built.items()) if can
     }
     fast = in_machine_code(list(named.values())) if compiler() else None
     for key, function in zip(named, fast or [], strict=fast is not None):
-        runs[key, True] = Run(function, built[key][0], samples)
+        runs[key, True] = TimedFunction(function, built[key][0], samples)
     times = interleaved(list(runs.values()), rounds, lambda done: None)
     ns = dict(zip(runs, 1e9 * times.min(axis=1), strict=True))  # load only ever adds
     return {

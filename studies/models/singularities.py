@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.compare.dynamics.many_digits import ManyDigits, Matrix
-from deltaopt.compare.dynamics.models import FORWARD, INVERSE, Task
+from deltaopt.compare.dynamics.models import FORWARD, INVERSE, Computation
 from deltaopt.compare.dynamics.samples import rounded
 from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.constraint_matrix import ClosedForm, NullSpace, Partition
@@ -38,7 +38,7 @@ class Problem:
 
     name: str
     title: str
-    task: Task
+    task: Computation
     moving: bool
 
 
@@ -78,7 +78,7 @@ class Functions:
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
-        self._built: dict[tuple[Task, Formulation], ca.Function] = {}
+        self._built: dict[tuple[Computation, Formulation], ca.Function] = {}
 
     @cached_property
     def jacobian(self) -> ca.Function:
@@ -86,12 +86,12 @@ class Functions:
         m = self.mechanism
         return ca.Function("J", [m.time, m.q, m.parameters], [ca.densify(m.J)])
 
-    def system(self, task: Task) -> ca.Function:
+    def system(self, task: Computation) -> ca.Function:
         """Return the function of model L_I's A and b."""
         inputs, A, b = task.big_system(self.mechanism)
         return ca.Function("system", inputs, [A, b])
 
-    def function(self, task: Task, formulation: Formulation) -> ca.Function:
+    def function(self, task: Computation, formulation: Formulation) -> ca.Function:
         key = (task, formulation)
         if key not in self._built:
             self._built[key] = task.function(formulation, self.mechanism)
@@ -205,7 +205,7 @@ def _median(errors: Array) -> Array:
     return np.where(np.isfinite(errors).all(axis=1), np.median(errors, axis=1), np.nan)
 
 
-def _inputs(motion: Motion, task: Task) -> tuple[list[Matrix], int]:
+def _inputs(motion: Motion, task: Computation) -> tuple[list[Matrix], int]:
     """What the task takes after the time, and how many numbers it seeks."""
     if task is INVERSE:
         return [motion.q, motion.dq, motion.ddq], motion.tau.rows

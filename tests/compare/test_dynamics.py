@@ -15,7 +15,7 @@ from deltaopt.cli import main
 from deltaopt.codegen.c_compiler import compiler
 from deltaopt.codegen.compile import in_machine_code
 from deltaopt.compare.dynamics.many_digits import ManyDigits
-from deltaopt.compare.dynamics.models import TASKS, Samples, models
+from deltaopt.compare.dynamics.models import TASKS, StateSamples, models
 from deltaopt.compare.dynamics.printed import PAPER, as_printed
 from deltaopt.compare.dynamics.samples import exact_samples, rounding_error
 from deltaopt.compare.dynamics.study import Study, compare_dynamics
@@ -30,11 +30,11 @@ def study() -> Study:
 
 
 @pytest.fixture(scope="module")
-def samples() -> Samples:
+def samples() -> StateSamples:
     return exact_samples(delta(PAPER), 4, ManyDigits())
 
 
-def test_samples_obey_constraints_and_dynamics(samples: Samples) -> None:
+def test_samples_obey_constraints_and_dynamics(samples: StateSamples) -> None:
     mechanism = delta(PAPER)
     f = ca.Function("f", [mechanism.q, mechanism.parameters], [mechanism.holonomic])
     inverse = Multiplier().inverse_dynamics(mechanism)
@@ -46,7 +46,7 @@ def test_samples_obey_constraints_and_dynamics(samples: Samples) -> None:
 
 @pytest.mark.parametrize("task", TASKS)
 def test_two_exact_formulations_differ_by_the_rounding_of_the_state_only(
-    task: object, samples: Samples
+    task: object, samples: StateSamples
 ) -> None:
     """q̈ came from L_I in 50 digits; L_E in 50 digits returns it but for the rounding."""
     error = rounding_error(delta(PAPER), task, samples, ManyDigits())  # type: ignore[arg-type]
@@ -68,7 +68,7 @@ def test_virtual_work_and_kane_need_the_same_operations(study: Study) -> None:
 
 
 @pytest.mark.skipif(compiler() is None, reason="no C compiler")
-def test_compiled_functions_give_the_same(samples: Samples) -> None:
+def test_compiled_functions_give_the_same(samples: StateSamples) -> None:
     mechanism = delta(PAPER)
     for task in TASKS:
         model = models(Partition((0, 1, 2)))[6]

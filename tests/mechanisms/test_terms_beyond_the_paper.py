@@ -58,7 +58,10 @@ def by_bodies(robot: Robot) -> Mechanism:
     centre = q[:3] - offset
     slender = bars.mass * bars.length**2 / 12
     inertia = bars.inertia or (slender, 0.0, slender)
-    bodies = [Body("platform", robot.platform.mass, centre), Body("payload", PAYLOAD, q[:3])]
+    bodies = [
+        Body("platform", robot.platform.mass, centre),
+        Body("payload", PAYLOAD, q[:3]),
+    ]
     if robot.tool:
         bodies.append(Body("tool", robot.tool.mass, centre + 0.3 * offset))
     efforts, closures = [], []

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.nlp.points import Layout, PointFunction, Points
-from deltaopt.planning.nlp.program import IpoptSolution, Options, Program
+from deltaopt.planning.nlp.program import IpoptProgram, IpoptSolution, Options
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.switching.arc_mesh import parts_of
@@ -127,7 +127,7 @@ class ArcProblem:
         return self._accelerations + 3 * (self.degree + 1)
 
     @cached_property
-    def program(self) -> Program:
+    def program(self) -> IpoptProgram:
         cost = np.zeros(self.n_variables)
         cost[self._first_length : -1] = 1.0
         position, velocity = integration()
@@ -138,7 +138,7 @@ class ArcProblem:
             Points(velocity, self._velocity_layout(), zero, zero),
         ]
         none = np.zeros((0, 1))
-        return Program(cost, Layout(none.astype(np.intp), none), points, OPTIONS)
+        return IpoptProgram(cost, Layout(none.astype(np.intp), none), points, OPTIONS)
 
     @cached_property
     def rows(self) -> PointFunction:

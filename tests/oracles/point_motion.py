@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.planning.flat.interior_point import Points
+from deltaopt.planning.flat.interior_point import IntervalPoints
 from tests.oracles.sparse_program import QUIET
 
 Array = NDArray[np.float64]
@@ -111,7 +111,9 @@ def quintic(begin: Array, end: Array, duration: float, fractions: Array) -> Arra
     return np.stack([at(duration * f) @ coefficients for f in fractions])
 
 
-def fastest(system: System, legs: Sequence[Leg], ends: Sequence[End], points: Points) -> Array:
+def fastest(
+    system: System, legs: Sequence[Leg], ends: Sequence[End], points: IntervalPoints
+) -> Array:
     """The durations of the legs of the fastest motion through the ends."""
     return best(system, legs, ends, points)[0]
 
@@ -120,7 +122,7 @@ def best(
     system: System,
     legs: Sequence[Leg],
     ends: Sequence[End],
-    points: Points,
+    points: IntervalPoints,
     weights: tuple[float, float] = (1.0, 0.0),
     *,
     sum_is_given: bool = False,

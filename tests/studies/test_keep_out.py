@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from deltaopt import load_robot
-from deltaopt.planning.first_motions.passages import _Lines, shortest_paths
+from deltaopt.planning.first_motions.passages import _StraightLines, shortest_paths
 from deltaopt.verify.clearance import distance_from
 from studies.keep_out.passages import CLOSED, KINDS, planted
 from studies.keep_out.planned import PLANNED, planned
@@ -67,7 +67,7 @@ def test_a_line_that_begins_on_a_body_is_not_clear_of_it():
     """On a surface the distance's slope may be told as nothing, which says nothing."""
     move = scene_of(ROBOT, 1, 0)
     box = {"box": {"from": [0.65, -0.1, -0.1], "to": [0.75, 0.1, 0.1]}}
-    lines = _Lines(with_bodies(move, [box], None), 0.0)
+    lines = _StraightLines(with_bodies(move, [box], None), 0.0)
     through, away = [0.7, 0.0, -0.3], [0.7, 0.1, 0.3]
     clear = lines.are_clear(np.array([0.7, 0.0, 0.1]), np.array([through, away]))
     assert clear.tolist() == [False, True]

@@ -31,7 +31,7 @@ from deltaopt.dynamics.virtual_work import VirtualWork
 
 
 @dataclass(frozen=True)
-class Samples:
+class StateSamples:
     """N states with accelerations and torques that go with them, rounded once.
 
     ``q``, ``dq``, ``ddq``: N × n; ``tau``: N × m; ``parameters``: those of the mechanism.
@@ -45,12 +45,12 @@ class Samples:
 
 
 @dataclass(frozen=True)
-class Task:
+class Computation:
     """A computation whose cost and error are measured, such as inverse dynamics.
 
     ``function``: a formulation's own, of a mechanism; its first result counts. ``big_system``: of a
     mechanism inputs, A and b of model L_I's linear system, the unknowns sought first. ``given``:
-    the last of its inputs after time and state, ``sought``: what should come out, as `Samples`
+    the last of its inputs after time and state, ``sought``: what should come out, as `StateSamples`
     names them.
     """
 
@@ -60,18 +60,18 @@ class Task:
     given: str
     sought: str
 
-    def inputs(self, samples: Samples) -> list[Array]:
+    def inputs(self, samples: StateSamples) -> list[Array]:
         """All inputs but the parameters, (N, size) each."""
         given: Array = getattr(samples, self.given)
         return [np.zeros((len(samples.q), 1)), samples.q, samples.dq, given]
 
-    def truth(self, samples: Samples) -> Array:
+    def truth(self, samples: StateSamples) -> Array:
         """What should come out, (N, size)."""
         sought: Array = getattr(samples, self.sought)
         return sought
 
 
-INVERSE = Task(
+INVERSE = Computation(
     "inverse",
     lambda formulation, mechanism: formulation.inverse_dynamics(mechanism),
     Multiplier().inverse_system,
@@ -79,7 +79,7 @@ INVERSE = Task(
     sought="tau",
 )
 """Torques from the motion: q, q̇, q̈ → τ."""
-FORWARD = Task(
+FORWARD = Computation(
     "forward",
     lambda formulation, mechanism: formulation.forward_dynamics(mechanism),
     Multiplier().forward_system,
@@ -91,7 +91,7 @@ TASKS = INVERSE, FORWARD
 
 
 @dataclass(frozen=True)
-class Model:
+class DynamicsModel:
     """A way to compute a task.
 
     ``name``: the paper's. ``variant``: the constraint matrix, or the linear solver.
@@ -102,17 +102,17 @@ class Model:
 
     name: str
     variant: str
-    build: Callable[[Mechanism, Task], ca.Function]
+    build: Callable[[Mechanism, Computation], ca.Function]
     sizes: str = "{all}×{all}"
     compilable: bool = True
 
-    def systems(self, mechanism: Mechanism, task: Task) -> str:
+    def systems(self, mechanism: Mechanism, task: Computation) -> str:
         """The linear systems it solves, in words."""
         (gamma, n), unknowns = mechanism.J.shape, task.big_system(mechanism)[1].shape[1]
         return self.sizes.format(n=n, gamma=gamma, nu=n - gamma, all=unknowns)
 
 
-def models(partition: Partition) -> list[Model]:
+def models(partition: Partition) -> list[DynamicsModel]:
     """Return all models that are compared, for the paper's Delta."""
     matrices: list[tuple[str, ConstraintMatrix, str]] = [
         ("closed form", ClosedForm(), "3 of 3×3, {nu}×{nu}"),
@@ -125,20 +125,20 @@ def models(partition: Partition) -> list[Model]:
         ("L_E", Explicit),
     ]
     projected = [
-        Model(name, variant, written_out(kind(C)), sizes)
+        DynamicsModel(name, variant, written_out(kind(C)), sizes)
         for name, kind in kinds
         for variant, C, sizes in matrices
     ]
     multiplier = [
-        Model("L_I", "written out", _big_system_written_out),
-        Model("L_I", "sparse QR", _solved_by("qr")),
-        Model("L_I", "LAPACK LU", _solved_by("lapacklu"), compilable=False),
+        DynamicsModel("L_I", "written out", _big_system_written_out),
+        DynamicsModel("L_I", "sparse QR", _solved_by("qr")),
+        DynamicsModel("L_I", "LAPACK LU", _solved_by("lapacklu"), compilable=False),
     ]
     lagrange = [*(model for model in projected if model.name == "L_E"), *multiplier]
     return [*projected, *multiplier, *map(_printed, lagrange)]
 
 
-def _printed(model: Model) -> Model:
+def _printed(model: DynamicsModel) -> DynamicsModel:
     """A model with M, Q̂* and Q as the paper prints them."""
     return replace(
         model,
@@ -147,10 +147,10 @@ def _printed(model: Model) -> Model:
     )
 
 
-def written_out(formulation: Formulation) -> Callable[[Mechanism, Task], ca.Function]:
+def written_out(formulation: Formulation) -> Callable[[Mechanism, Computation], ca.Function]:
     """Return what writes a formulation without multipliers as one function in scalars."""
 
-    def build(mechanism: Mechanism, task: Task) -> ca.Function:
+    def build(mechanism: Mechanism, task: Computation) -> ca.Function:
         function = task.function(formulation, mechanism)
         x = function.mx_in()
         scalars = ca.Function("scalars", x, [function(*x)[0]]).expand()
@@ -160,16 +160,16 @@ def written_out(formulation: Formulation) -> Callable[[Mechanism, Task], ca.Func
     return build
 
 
-def _big_system_written_out(mechanism: Mechanism, task: Task) -> ca.Function:
+def _big_system_written_out(mechanism: Mechanism, task: Computation) -> ca.Function:
     inputs, A, b = task.big_system(mechanism)
     sought = solve_scalars(A, b)[: _sought(mechanism, task)]
     return ca.Function("model", inputs, [ca.densify(ca.cse(sought))])
 
 
-def _solved_by(solver: str) -> Callable[[Mechanism, Task], ca.Function]:
+def _solved_by(solver: str) -> Callable[[Mechanism, Computation], ca.Function]:
     """One of CasADi's linear solvers, called at run time."""
 
-    def build(mechanism: Mechanism, task: Task) -> ca.Function:
+    def build(mechanism: Mechanism, task: Computation) -> ca.Function:
         inputs, A, b = task.big_system(mechanism)
         system = ca.Function("system", inputs, ca.cse([A, b]))
         x = system.mx_in()
@@ -180,6 +180,6 @@ def _solved_by(solver: str) -> Callable[[Mechanism, Task], ca.Function]:
     return build
 
 
-def _sought(mechanism: Mechanism, task: Task) -> int:
+def _sought(mechanism: Mechanism, task: Computation) -> int:
     """How many of the big system's unknowns are asked for; the others are multipliers."""
     return task.big_system(mechanism)[1].shape[1] - mechanism.lam.numel()

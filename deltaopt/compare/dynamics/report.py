@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from textwrap import fill
 
 from deltaopt.codegen.c_compiler import compiler
-from deltaopt.compare.dynamics.study import Row, Study
+from deltaopt.compare.dynamics.study import ModelRow, Study
 from deltaopt.files.csv_table import csv_text
 from deltaopt.files.tables import text_table
 
@@ -18,7 +18,7 @@ ORIGINS = {"": "as derived", ", printed": "as printed in eq. (66) to (83)"}
 
 WORDS = 4
 """Columns of the table that are words, and aligned to the left."""
-TABLE: tuple[tuple[str, str, str, Callable[[Row], object]], ...] = (
+TABLE: tuple[tuple[str, str, str, Callable[[ModelRow], object]], ...] = (
     ("task", "", "task", lambda row: row.task),
     ("model", "", "model", lambda row: row.model),
     ("C or solver", "", "variant", lambda row: row.variant),

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.compare.dynamics.many_digits import ManyDigits, Matrix
-from deltaopt.compare.dynamics.models import FORWARD, Samples, Task, written_out
+from deltaopt.compare.dynamics.models import FORWARD, Computation, StateSamples, written_out
 from deltaopt.compare.dynamics.printed import PAPER
 from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.consistency import Projector
@@ -18,7 +18,7 @@ NEAR_HOME = np.array([0.45, 0.0, 0.0, *3 * [-0.232, -2.20, 0.0]])
 """Roughly the q of the platform at (0.45, 0, 0) m, m and rad."""
 
 
-def exact_samples(mechanism: Mechanism, count: int, exact: ManyDigits) -> Samples:
+def exact_samples(mechanism: Mechanism, count: int, exact: ManyDigits) -> StateSamples:
     """Make random states of the paper's Delta whose q, q̇, q̈, τ fit to ``exact``'s digits.
 
     A random neighbour of ``NEAR_HOME`` is moved onto the constraints, by Newton's method in
@@ -48,10 +48,12 @@ def exact_samples(mechanism: Mechanism, count: int, exact: ManyDigits) -> Sample
         ddq = exact.solve(*exact.evaluate(system, [0.0], q, dq, tau, p))[:n]
         rows.append([rounded(each) for each in (q, dq, ddq, tau)])
     q, dq, ddq, tau = (np.array(part) for part in zip(*rows, strict=True))
-    return Samples(q, dq, ddq, tau, p)
+    return StateSamples(q, dq, ddq, tau, p)
 
 
-def rounding_error(mechanism: Mechanism, task: Task, samples: Samples, exact: ManyDigits) -> Array:
+def rounding_error(
+    mechanism: Mechanism, task: Computation, samples: StateSamples, exact: ManyDigits
+) -> Array:
     """Return the relative error (N,) of L_E evaluated exactly at the rounded values.
 
     No computation that starts from doubles can be expected to do better.

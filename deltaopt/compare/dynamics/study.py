@@ -18,7 +18,7 @@ import numpy as np
 from deltaopt.codegen.c_compiler import Compiler
 from deltaopt.codegen.compile import in_machine_code
 from deltaopt.compare.dynamics.many_digits import ManyDigits
-from deltaopt.compare.dynamics.models import TASKS, Samples, Task, models
+from deltaopt.compare.dynamics.models import TASKS, Computation, StateSamples, models
 from deltaopt.compare.dynamics.printed import PAPER
 from deltaopt.compare.dynamics.samples import (
     NEAR_HOME,
@@ -36,7 +36,7 @@ REFERENCE = ("L_E", "closed form")
 
 
 @dataclass(frozen=True)
-class Time:
+class Timing:
     """Median ``seconds`` per evaluation, and median ``ratio`` to a reference beside it."""
 
     seconds: float
@@ -48,15 +48,15 @@ class Time:
         return 1e6 * self.seconds
 
     @staticmethod
-    def of(own: Array, reference: Array) -> Time:
+    def of(own: Array, reference: Array) -> Timing:
         """Compare the times in every round with those of the reference."""
-        return Time(float(np.median(own)), float(np.median(own / reference)))
+        return Timing(float(np.median(own)), float(np.median(own / reference)))
 
 
-class Run:
+class TimedFunction:
     """A function evaluated on all samples in one call, without Python between them."""
 
-    def __init__(self, function: ca.Function, task: Task, samples: Samples) -> None:
+    def __init__(self, function: ca.Function, task: Computation, samples: StateSamples) -> None:
         self.count = len(samples.q)
         parameters = np.tile(samples.parameters, (self.count, 1))
         self._inputs = [np.ascontiguousarray(x) for x in [*task.inputs(samples), parameters]]
@@ -82,7 +82,7 @@ class Run:
         return relative_error(self._result, self._truth)
 
 
-def interleaved(runs: list[Run], rounds: int, progress: Callable[[float], None]) -> Array:
+def interleaved(runs: list[TimedFunction], rounds: int, progress: Callable[[float], None]) -> Array:
     """Return seconds per evaluation, runs × rounds; in every round each runs once, in turn, so that
     load falls on all alike."""
     times = np.zeros((len(runs), rounds))
@@ -93,7 +93,7 @@ def interleaved(runs: list[Run], rounds: int, progress: Callable[[float], None])
 
 
 @dataclass(frozen=True)
-class Row:
+class ModelRow:
     """Cost and error of one model at one task.
 
     ``operations``: elementary ones, see ``operations``. ``error``: largest over the
@@ -105,8 +105,8 @@ class Row:
     variant: str
     systems: str
     operations: int
-    interpreted: Time
-    compiled: Time | None
+    interpreted: Timing
+    compiled: Timing | None
     median_error: float
     largest_error: float
 
@@ -124,14 +124,14 @@ class Study:
     ``independent``: the coordinates that the partition takes as independent.
     """
 
-    rows: list[Row]
+    rows: list[ModelRow]
     floor: dict[str, float]
     independent: tuple[int, ...]
     states: int
     rounds: int
     digits: int
 
-    def row(self, task: str, model: str, variant: str) -> Row:
+    def row(self, task: str, model: str, variant: str) -> ModelRow:
         """Return the row of a model."""
         wanted = (task, model, variant)
         return next(r for r in self.rows if (r.task, r.model, r.variant) == wanted)
@@ -165,9 +165,9 @@ def compare_dynamics(
     in_c = [i for i, (_, model) in enumerate(cases) if model.compilable and compiler]
     machine = (in_machine_code([functions[i] for i in in_c]) if in_c else None) or []
     progress(0.5, "timing")
-    runs = {(i, False): Run(f, cases[i][0], samples) for i, f in enumerate(functions)}
+    runs = {(i, False): TimedFunction(f, cases[i][0], samples) for i, f in enumerate(functions)}
     in_machine = zip(in_c, machine, strict=False)
-    runs |= {(i, True): Run(f, cases[i][0], samples) for i, f in in_machine}
+    runs |= {(i, True): TimedFunction(f, cases[i][0], samples) for i, f in in_machine}
     each = interleaved([*runs.values()], rounds, lambda done: progress(0.5 + done / 2, "timing"))
     times = dict(zip(runs, each, strict=True))
     references = {
@@ -177,14 +177,14 @@ def compare_dynamics(
     for i, (task, model) in enumerate(cases):
         first, error, is_in_c = references[task], runs[i, False].error(), (i, True) in runs
         rows.append(
-            Row(
+            ModelRow(
                 task=task.name,
                 model=model.name,
                 variant=model.variant,
                 systems=model.systems(mechanism, task),
                 operations=operations(functions[i]),
-                interpreted=Time.of(times[i, False], times[first, False]),
-                compiled=Time.of(times[i, True], times[first, True]) if is_in_c else None,
+                interpreted=Timing.of(times[i, False], times[first, False]),
+                compiled=Timing.of(times[i, True], times[first, True]) if is_in_c else None,
                 median_error=float(np.median(error)),
                 largest_error=float(np.max(error)),
             )

@@ -20,7 +20,7 @@ from deltaopt.planning.formulations.scaled_mechanism import (
     BoundaryValues,
     LimitRows,
     ScaledMechanism,
-    Units,
+    ScaledUnits,
 )
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, ErrorEstimate, error_estimate
 from deltaopt.planning.nlp.scaling import Scaling
@@ -175,7 +175,7 @@ def _five_bar_system() -> ScaledMechanism:
     m, scales = five_bar(parameters), SX.sym("scales", 4)
     distance, time, torque, opening = ca.vertsplit(scales)
     angle = distance / parameters.arm
-    units = Units(
+    units = ScaledUnits(
         q=ca.vertcat(distance, distance, *4 * [angle]),
         closure=ca.vertcat(*4 * [distance]),
         time=time,

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from math import inf, isfinite
 from textwrap import fill
 
-from deltaopt.compare.plans.study import PlanStudy, Row
+from deltaopt.compare.plans.study import PlanStudy, SolveRow
 from deltaopt.files.csv_table import csv_text
 from deltaopt.files.tables import finite, text_table
 from deltaopt.planning.nlp.transcription import LINEAR
 
-TABLE: tuple[tuple[str, Callable[[Row], str]], ...] = (
+TABLE: tuple[tuple[str, Callable[[SolveRow], str]], ...] = (
     ("formulation", lambda row: row.method.formulation),
     ("loop closure", lambda row: row.method.closure),
     ("degree", lambda row: str(row.method.transcription.degree)),
@@ -44,7 +44,7 @@ def csv(study: PlanStudy) -> str:
     return csv_text(list(lines[0]), ([*map(finite, line.values())] for line in lines))
 
 
-def _content(row: Row) -> dict[str, object]:
+def _content(row: SolveRow) -> dict[str, object]:
     """What is known of a row, by the names of columns."""
     of_method = {
         "formulation": row.method.formulation,
@@ -85,7 +85,7 @@ def spread(study: PlanStudy, case: str) -> float:
 
 def best_durations(study: PlanStudy, case: str) -> dict[str, float]:
     """Return the safe duration of the smallest gap of each formulation, with degree 1."""
-    found = dict[str, Row]()
+    found = dict[str, SolveRow]()
     for row in study.rows:
         name = row.method.formulation
         if row.case == case and row.method.transcription == LINEAR and not row.failure:

@@ -83,7 +83,7 @@ METHODS = tuple(
 
 
 @dataclass(frozen=True)
-class Row:
+class SolveRow:
     """One method on one mesh.
 
     ``refined``: the mesh is, and the guess is the solution before; otherwise the mesh is uniform
@@ -108,7 +108,7 @@ class Row:
 class PlanStudy:
     """All rows, the reference of each case, and the seconds that it took."""
 
-    rows: list[Row]
+    rows: list[SolveRow]
     references: dict[str, Reference]
     seconds: float
 
@@ -122,7 +122,7 @@ def compare_plans(
 ) -> PlanStudy:
     """Solve every case with every method on every mesh. ``tolerance``: of the reference's gap."""
     begin = perf_counter()
-    rows, references = list[Row](), dict[str, Reference]()
+    rows, references = list[SolveRow](), dict[str, Reference]()
     for i, case in enumerate(cases):
         progress(i / len(cases), f"{case.name}: reference")
         references[case.name] = reference = find_reference(case, tolerance)
@@ -179,7 +179,9 @@ class _Solver:
         lost = self.case.lost(motion, problem.multipliers(solution))
         return _Solved(problem, solution, motion, lost)
 
-    def rows(self, reference: Reference, uniform: Sequence[int], refinements: int) -> list[Row]:
+    def rows(
+        self, reference: Reference, uniform: Sequence[int], refinements: int
+    ) -> list[SolveRow]:
         """Solve on uniform meshes from the straight line, then on meshes with knots where this
         method's motion switches."""
         found = [self._row(reference, np.full(n, 1 / n), self.case.guess) for n in uniform]
@@ -196,17 +198,17 @@ class _Solver:
 
     def _row(
         self, reference: Reference, mesh: Array, guess: PiecewisePolynomial
-    ) -> tuple[Row, _Solved | None]:
+    ) -> tuple[SolveRow, _Solved | None]:
         """A row, and the solution, if there is one."""
         solved_as = self.case.name, self.method, len(mesh), guess is not self.case.guess
         begin = perf_counter()
         try:
             solved = self.solve(mesh, guess)
         except NotConverged as error:
-            return Row(*solved_as, str(error), perf_counter() - begin), None
+            return SolveRow(*solved_as, str(error), perf_counter() - begin), None
         solution, measured = solved.solution, quality(self.case, solved.problem, solved.solution.z)
         is_safe = isfinite(measured.safe_duration)
-        row = Row(
+        row = SolveRow(
             *solved_as,
             "" if is_safe else "leaves the workspace, or no slowing keeps its limits",
             solution.seconds,

@@ -36,7 +36,7 @@ def angle_free_equations(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> tu
         force += mass * p.gravity
     alignments, speeds, accelerations = [], [], []
     for azimuth, torque in zip(AZIMUTHS, ca.vertsplit(tau), strict=True):
-        chain = _Chain(p, azimuth, p.platform_at(x), v, a)
+        chain = _SlenderChain(p, azimuth, p.platform_at(x), v, a)
         force += in_base(azimuth, *chain.force_on_platform(torque))
         alignments.append(chain.alignment)
         speeds.append(chain.dtheta)
@@ -49,7 +49,7 @@ def chain_forces(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> SX:
     torques ``tau``, 3, N·m, produce the platform's motion x, v, a, 3 each."""
     forces = []
     for azimuth, torque in zip(AZIMUTHS, ca.vertsplit(tau), strict=True):
-        chain = _Chain(p, azimuth, p.platform_at(x), v, a)
+        chain = _SlenderChain(p, azimuth, p.platform_at(x), v, a)
         forces.append(in_base(azimuth, *chain.force_on_platform(torque)))
     return ca.vertcat(*forces)
 
@@ -66,7 +66,7 @@ class _Vector:
         return self.d * other.d + self.o * other.o + self.s * other.s
 
 
-class _Chain:
+class _SlenderChain:
     """One chain: its arm's speed θ̇ and acceleration θ̈, and its force on the platform, whose centre
     is at x."""
 

@@ -100,7 +100,7 @@ def paths_of_lines(scene: Scene) -> Iterator[Array]:
     for path in _over_places(scene, np.empty((0, 3))):
         found = True
         yield path
-    far = None if found else _far_around(_Lines(scene, _SPARE))
+    far = None if found else _far_around(_StraightLines(scene, _SPARE))
     if far is not None:
         yield far
 
@@ -114,12 +114,12 @@ def _over_places(scene: Scene, known: Array) -> Iterator[Array]:
         places = _places(scene, ends, grid, between=between)
         apart = np.linalg.norm(places[:, None] - known, axis=2)
         places = places[(apart > least).all(axis=1)]
-        path = _path(_Lines(scene, spare), ends, places, searches)
+        path = _path(_StraightLines(scene, spare), ends, places, searches)
         if path is not None:
             yield path
 
 
-def _far_around(lines: _Lines) -> Array | None:
+def _far_around(lines: _StraightLines) -> Array | None:
     """A path over a grid of all that the robot reaches, cut short; None if there is none of clear
     lines."""
 
@@ -131,7 +131,7 @@ def _far_around(lines: _Lines) -> Array | None:
     return None
 
 
-def _path(lines: _Lines, ends: Array, others: Array, searches: int) -> Array | None:
+def _path(lines: _StraightLines, ends: Array, others: Array, searches: int) -> Array | None:
     """The shortest clear path over places (N, 3), m, with so many searches at most."""
     places = np.vstack([ends, lines.clear_places(others)])
     n = len(places)
@@ -165,7 +165,7 @@ def what_was_searched(scene: Scene) -> str:
 
 
 @dataclass(frozen=True)
-class _Lines:
+class _StraightLines:
     """What a straight line must stay clear of, with how much to ``spare``, m."""
 
     scene: Scene

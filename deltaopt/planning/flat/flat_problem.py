@@ -31,11 +31,11 @@ from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.flat.interior_point import (
     OF_ACCELERATION,
     OF_JERK,
-    Boundary,
     CompiledMethod,
     InteriorPointSolution,
+    IntervalPoints,
     Phase,
-    Points,
+    PhaseBoundary,
     Settings,
     interior_point,
 )
@@ -43,7 +43,7 @@ from deltaopt.planning.nlp.phases import joined, parts
 from deltaopt.planning.nlp.problem import Cost, Guess, Solved
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
-from deltaopt.problem.boundary import Boundary as Asked
+from deltaopt.problem.boundary import Boundary
 
 FAR = Settings(barrier=0.2, closest=0.3)
 NEAR = Settings(barrier=0.1, closest=0.01)
@@ -79,7 +79,7 @@ and how much that counts, as a share of the tolerance. With less the method cree
 in which they lie, and every mesh ends at another motion. What it costs is part of the gap."""
 
 
-def boundary(asked: Asked, scaling: Scaling, accuracy: float = 0.0) -> Boundary:
+def boundary(asked: Boundary, scaling: Scaling, accuracy: float = 0.0) -> PhaseBoundary:
     """A boundary of the problem in scaled units. A sphere is smaller by the share to which the
     solver meets its rows, its ``accuracy``, so that it is not left."""
     in_sphere = asked.within > 0
@@ -94,7 +94,7 @@ def boundary(asked: Asked, scaling: Scaling, accuracy: float = 0.0) -> Boundary:
         ][:order]
     )
     radius = asked.within / scaling.length * (1 - accuracy)
-    return Boundary(state, free, scaling.velocity(asked.belt), radius)
+    return PhaseBoundary(state, free, scaling.velocity(asked.belt), radius)
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def compiled_flat(
 ) -> FlatEquations | None:
     """The equations with the interior-point method compiled for them; None where it cannot be."""
     problem = equations.point_problem(cost)
-    points = Points.of(transcription.points.tolist())
+    points = IntervalPoints.of(transcription.points.tolist())
     if problem.derivatives == 3:
         points = OF_JERK if cost.rate.order == 3 else OF_ACCELERATION
     method = interior_point(problem, points)

@@ -6,7 +6,7 @@ no equation is left either; four points are evaluated at once, in the lanes of a
 the KKT system is block tridiagonal with a narrow border: see ``problem.c``.
 
 What happens at a point (equations of motion, limits) is a `PointProblem`; a motion is a list of
-`Phase` values between `Boundary` values.
+`Phase` values between `PhaseBoundary` values.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _TRACED = 4
 
 
 @dataclass(frozen=True)
-class Points:
+class IntervalPoints:
     """Where limits hold in every interval: ``fractions`` of it; in which of its ``thirds`` each is,
     of cubics that meet there, at whose ends jerk jumps; and ``weights`` of integrals over it."""
 
@@ -63,7 +63,7 @@ class Points:
         return cls(tuple(fractions), (0,) * len(fractions), tuple(weights.tolist()))
 
 
-OF_JERK = Points((0.0, 1 / 3, 2 / 3, 1.0), (0, 1, 1, 2), (1 / 3, 1 / 6, 1 / 6, 1 / 3))
+OF_JERK = IntervalPoints((0.0, 1 / 3, 2 / 3, 1.0), (0, 1, 1, 2), (1 / 3, 1 / 6, 1 / 6, 1 / 3))
 """Points of cubics in thirds, one or two in each. Their weights integrate the square of jerk, which
 is constant in each, exactly."""
 OF_ACCELERATION = replace(OF_JERK, weights=(1 / 6, 1 / 3, 1 / 3, 1 / 6))
@@ -99,7 +99,7 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Boundary:
+class PhaseBoundary:
     """What is known of the state where a phase begins or ends: each component fixed or free.
 
     ``state``: position, velocity (and acceleration, for cubics in thirds), (derivatives,
@@ -202,12 +202,12 @@ class CompiledMethod:
 
     code: ctypes.CDLL
     problem: PointProblem = field(repr=False)
-    points: Points
+    points: IntervalPoints
 
     def solve(
         self,
         phases: Sequence[Phase],
-        boundaries: Sequence[Boundary],
+        boundaries: Sequence[PhaseBoundary],
         settings: Settings,
         weights: tuple[float, float] = (1.0, 0.0),
         *,
@@ -338,7 +338,7 @@ def _pointer(array: NDArray[np.generic]) -> ctypes.c_void_p:
 
 
 @lru_cache(maxsize=16)
-def interior_point(problem: PointProblem, points: Points) -> CompiledMethod | None:
+def interior_point(problem: PointProblem, points: IntervalPoints) -> CompiledMethod | None:
     """The method for a point problem, made once in a process; None without machine code."""
     if len(points.fractions) % LANES:
         return None

@@ -29,7 +29,13 @@ from deltaopt.planning.formulations.scaled_mechanism import (
 )
 from deltaopt.planning.nlp.points import Layout, PointFunction, Points
 from deltaopt.planning.nlp.problem import FASTEST, Cost, effort_of
-from deltaopt.planning.nlp.program import OF_EFFORT, IpoptSolution, Options, Program, RunningCost
+from deltaopt.planning.nlp.program import (
+    OF_EFFORT,
+    IpoptProgram,
+    IpoptSolution,
+    Options,
+    RunningCost,
+)
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.nlp.variables import Variables
 
@@ -138,7 +144,7 @@ class CollocationProblem:
             e.closure.unknowns(e.system) if e.closure else 0,
         )
 
-    def program(self, options: Options, ends: BoundaryValues | None = None) -> Program:
+    def program(self, options: Options, ends: BoundaryValues | None = None) -> IpoptProgram:
         """The nonlinear program with these options of Ipopt, for ``ends`` that may move.
 
         A cost that contains effort is strictly convex in the torques and needs no regularisation.
@@ -148,7 +154,7 @@ class CollocationProblem:
         running = self._effort() if self.cost.running else self._torque_variation()
         options = {**OF_EFFORT, **options} if self.cost.running else options
         rows = self._rows() if ends is None else [*self._moving_ends(ends), *self._rows()]
-        return Program(cost, self._continuity, rows, options, running)
+        return IpoptProgram(cost, self._continuity, rows, options, running)
 
     def _moving_ends(self, ends: BoundaryValues) -> list[Points]:
         """The rows of velocities and places that are not fixed as variables, for they change with
@@ -322,7 +328,7 @@ class CollocationProblem:
             lower[-1] = upper[-1] = 1.0
         return lower, upper
 
-    def row_shares(self, program: Program, shares_at: Callable[[Array], Array]) -> Array:
+    def row_shares(self, program: IpoptProgram, shares_at: Callable[[Array], Array]) -> Array:
         """The part of its bounds that each nonlinear row of a program may use.
 
         ``shares_at``: those of all limits at fractions (n,) of every interval, (N, n, rows).

@@ -21,7 +21,7 @@ from deltaopt.planning.formulations.scaled_mechanism import (
     BoundaryValues,
     LimitRows,
     ScaledMechanism,
-    Units,
+    ScaledUnits,
 )
 from deltaopt.planning.nlp.problem import IPOPT_FINEST, Guess, Solved
 from deltaopt.planning.nlp.scaling import Parameters, Scaling
@@ -37,7 +37,7 @@ def scaled_delta(functions: Functions, constraints: Constraints) -> ScaledMechan
     parameters = Parameters.symbols(constraints, functions, m.parameters)
     length, torque = parameters.length, parameters.torque
     angle = length / functions.lever(m.parameters)
-    units = Units(
+    units = ScaledUnits(
         q=ca.vertcat(*(length if is_length else angle for is_length in functions.lengths)),
         closure=ca.vertcat(*m.holonomic.numel() * [length]),
         time=parameters.time,

@@ -19,7 +19,7 @@ from deltaopt.dynamics.mechanism import SX, Mechanism
 
 
 @dataclass(frozen=True)
-class Units:
+class ScaledUnits:
     """The units that bring variables and equations to the order of one, as expressions.
 
     ``q``: of the coordinates, n. ``closure``: of the constraints f, γ. ``time``: s. ``energy``: J;
@@ -92,7 +92,7 @@ class ScaledMechanism:
     independent: tuple[int, ...]
     kinematics: ca.Function
     scales: SX
-    units: Units
+    units: ScaledUnits
     limits: LimitRows
     explicit: ca.Function | None = None
 
@@ -165,7 +165,7 @@ class ScaledMechanism:
 
 @dataclass(frozen=True)
 class UnitValues:
-    """``Units`` as numbers."""
+    """``ScaledUnits`` as numbers."""
 
     q: Array
     closure: Array

@@ -31,7 +31,7 @@ from deltaopt.limits.scene_limits import Placed, SceneLimits
 from deltaopt.motion.sure_bounds import distances_from_faces, signed_distances
 from deltaopt.motion.trajectory import Trajectory, passes
 from deltaopt.planning.nlp.phases import FacePhases
-from deltaopt.planning.nlp.problem import Guess, Program, Solved
+from deltaopt.planning.nlp.problem import Guess, MeshProgram, Solved
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.problem import Problem
@@ -77,7 +77,11 @@ class _Part:
 
 
 def next_phases(
-    program: Program, scaling: Scaling, motion: Trajectory, solution: Solved, sharp: float = _SHARP
+    program: MeshProgram,
+    scaling: Scaling,
+    motion: Trajectory,
+    solution: Solved,
+    sharp: float = _SHARP,
 ) -> FacePhases | None:
     """The phases of ``phases_over_edges`` for next meshes, from the solution of a program; None
     also where there can be none."""
@@ -86,7 +90,7 @@ def next_phases(
     return phases_over_edges(scaling.problem, motion, touching(solution), sharp)
 
 
-def first_phases(program: Program, scaling: Scaling, guess: Guess) -> tuple[Scaling, Array]:
+def first_phases(program: MeshProgram, scaling: Scaling, guess: Guess) -> tuple[Scaling, Array]:
     """The scaling and the mesh, (N,), to begin with. If the guess is near the best motion and comes
     within 0.1 mm of a body at a sharp edge, as one that was found in phases does, they have the
     phases past that edge."""
@@ -104,7 +108,7 @@ def first_phases(program: Program, scaling: Scaling, guess: Guess) -> tuple[Scal
     return replace(scaling, faces=faces), faces.on(mesh, problem.together)
 
 
-def _takes_phases(program: Program, scaling: Scaling) -> bool:
+def _takes_phases(program: MeshProgram, scaling: Scaling) -> bool:
     """Whether a program can be solved in phases past edges, and there may be some."""
     has_edges = scaling.constraints.has_convex or scaling.problem.limits.divided is not None
     return program.takes_phases and has_edges

@@ -10,7 +10,7 @@ from deltaopt.errors import ENDS_AN_ATTEMPT, if_possible
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.constraint_tightening import first_tightening, points_apart
 from deltaopt.planning.mesh.edges import next_phases
-from deltaopt.planning.nlp.problem import Formulated, Guess, Program, Solved
+from deltaopt.planning.nlp.problem import Formulated, Guess, MeshProgram, Solved
 from deltaopt.planning.nlp.scaling import Scaling
 
 
@@ -37,7 +37,7 @@ def motion_on_first_mesh(
     return found[0] if found and found[0].duration < motion.duration else motion
 
 
-def _solved(program: Program, scaling: Scaling, guess: Guess) -> tuple[Trajectory, Solved]:
+def _solved(program: MeshProgram, scaling: Scaling, guess: Guess) -> tuple[Trajectory, Solved]:
     """The motion that solves a program, and the solution. Raises NotConverged."""
     model = guess.trajectory.model
     tightened = first_tightening(scaling, guess.trajectory, program.mesh)

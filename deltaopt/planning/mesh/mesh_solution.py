@@ -34,7 +34,7 @@ from deltaopt.planning.mesh.error_estimate import (
     longest_tightened,
 )
 from deltaopt.planning.nlp.phases import FacePhases
-from deltaopt.planning.nlp.problem import Guess, Program, Solved
+from deltaopt.planning.nlp.problem import Guess, MeshProgram, Solved
 from deltaopt.planning.nlp.scaling import UNTIGHTENED, Scaling
 from deltaopt.planning.nlp.softening import Softening
 from deltaopt.problem.problem import Problem
@@ -49,7 +49,7 @@ _BESIDE_BODIES = 0.2
 """Of a tolerance: what may be lost beside bodies where phases end on edges."""
 
 
-def solve_on_mesh(program: Program, scaling: Scaling, guess: Guess) -> MeshSolution:
+def solve_on_mesh(program: MeshProgram, scaling: Scaling, guess: Guess) -> MeshSolution:
     """Solve a program on its mesh, and estimate the lost time and the excess over the limits.
 
     Raises NotConverged.
@@ -149,7 +149,7 @@ class MeshSolution:
     left no more than was asked for.
     """
 
-    program: Program
+    program: MeshProgram
     solution: Solved
     trajectory: Trajectory
     loads: Loads

@@ -127,7 +127,7 @@ class Solved:
     widths: Array | None = None
 
 
-class Program(Protocol):
+class MeshProgram(Protocol):
     """A nonlinear program on a mesh, which can be solved for many problems of a robot."""
 
     @property
@@ -150,6 +150,6 @@ class Program(Protocol):
         """Find the best motion on this mesh. Raises NotConverged."""
 
 
-Formulated = Callable[[Array], Program]
+Formulated = Callable[[Array], MeshProgram]
 """A formulation's equations for a mechanism and its limits, differentiated once: the program on a
 mesh of interval lengths, (N,), fractions of the duration."""

@@ -94,7 +94,7 @@ class IpoptSolution:
     evaluation_seconds: float
 
 
-class Program:
+class IpoptProgram:
     """A nonlinear program, built once and solved many times with other bounds and parameters.
 
     ``cost``: the vector c, (n,). ``linear``: layout of the rows G z = 0. ``points``: the nonlinear

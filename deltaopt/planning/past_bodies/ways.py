@@ -84,7 +84,7 @@ def fastest_way(
     is no way, and such an error where none leads to a plan.
     """
     resting = at_rest(attempt.scene, attempt.motion)
-    ways, search = list[Proposal](), _Search(attempt, free, planned, on_first_mesh, enough)
+    ways, search = list[Proposal](), _SearchOfWays(attempt, free, planned, on_first_mesh, enough)
     for source in ways_around(resting, attempt.motion, free):
         ways += source[:_MOST_WAYS]
         search.look_at(source[:_MOST_WAYS])
@@ -100,7 +100,7 @@ def fastest_way(
         if len(led) > 1 or any(each.is_good for each in led):
             break
         on_finer = replace(attempt, intervals=factor * attempt.intervals)
-        finer = _Search(on_finer, free, planned, on_first_mesh, enough)
+        finer = _SearchOfWays(on_finer, free, planned, on_first_mesh, enough)
         finer.look_at(ways)
         led += [finer] if finer.plans else []
     if not led:
@@ -122,7 +122,7 @@ def at_rest(scene: Scene, motion: Trajectory | None) -> Scene:
 
 
 @dataclass
-class _Search:
+class _SearchOfWays:
     """Ways past the bodies of a scene that are looked at on one first mesh, those of one source
     after the other; those that are fast there are planned.
 

@@ -22,11 +22,11 @@ from deltaopt.limits.constraints import Alike
 from deltaopt.planning.flat import interior_point as module
 from deltaopt.planning.flat.interior_point import (
     OF_JERK,
-    Boundary,
     CompiledMethod,
     InteriorPointSolution,
+    IntervalPoints,
     Phase,
-    Points,
+    PhaseBoundary,
     Settings,
     interior_point,
 )
@@ -48,8 +48,8 @@ pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
 BOTH, LOWER = (True, True), (False, True)
 """Which limits a row has: the upper one, the lower one."""
-FOUR = Points.of([0.0, 1 / 3, 2 / 3, 1.0])
-EIGHT = Points(
+FOUR = IntervalPoints.of([0.0, 1 / 3, 2 / 3, 1.0])
+EIGHT = IntervalPoints(
     (0.0, 1 / 6, 1 / 3, 1 / 3, 2 / 3, 2 / 3, 5 / 6, 1.0),
     (0, 0, 0, 1, 1, 2, 2, 2),
     (1 / 18, 2 / 9, 1 / 18, 1 / 6, 1 / 6, 1 / 18, 2 / 9, 1 / 18),
@@ -117,13 +117,13 @@ class Case:
     system: System
     legs: Sequence[Leg]
     ends: Sequence[End]
-    points: Points | None = None
+    points: IntervalPoints | None = None
     watched: Sequence[int] = ()
     weights: tuple[float, float] = (1.0, 0.0)
     sum_is_given: bool = False
 
     @property
-    def imposed(self) -> Points:
+    def imposed(self) -> IntervalPoints:
         """Where limits are imposed: at four points unless the case says others."""
         return self.points or (FOUR if self.system.pieces == 2 else OF_JERK)
 
@@ -361,15 +361,17 @@ def phases_of(case: Case) -> list[Phase]:
     return phases
 
 
-def boundaries_of(case: Case) -> list[Boundary]:
+def boundaries_of(case: Case) -> list[PhaseBoundary]:
     r = case.system.pieces
-    return [Boundary(end.state[:r], ~end.fixed[:r], end.drift, end.radius) for end in case.ends]
+    return [
+        PhaseBoundary(end.state[:r], ~end.fixed[:r], end.drift, end.radius) for end in case.ends
+    ]
 
 
-def at_rest(position: Array, derivatives: int = 2) -> Boundary:
+def at_rest(position: Array, derivatives: int = 2) -> PhaseBoundary:
     state = np.zeros((derivatives, len(position)))
     state[0] = position
-    return Boundary(state, np.zeros(state.shape, dtype=bool), np.zeros(len(position)))
+    return PhaseBoundary(state, np.zeros(state.shape, dtype=bool), np.zeros(len(position)))
 
 
 def solved(name: str, settings: Settings = EXACT) -> InteriorPointSolution:

@@ -12,7 +12,7 @@ import pytest
 from deltaopt import Limits, State, plan
 from deltaopt.mechanisms.instant import AnyInstant, PlatformInstant
 from deltaopt.motion.sure_bounds import distances_from_faces, signed_distances
-from deltaopt.planning.flat.interior_point import Points
+from deltaopt.planning.flat.interior_point import IntervalPoints
 from deltaopt.planning.mesh.edges import phases_over_edges
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
@@ -151,7 +151,7 @@ def test_no_motion_over_the_edge_is_faster_by_ipopt():
         Leg(np.diff(k) / size, slower * size, np.zeros(1))
         for k, size in zip(spans, sizes, strict=True)
     ]
-    theirs = fastest(robot, legs, ends, Points.of([0, 1 / 3, 2 / 3, 1]))
+    theirs = fastest(robot, legs, ends, IntervalPoints.of([0, 1 / 3, 2 / 3, 1]))
     assert found.meshes[-1].duration == pytest.approx(theirs.sum(), rel=1e-4)
     assert found.duration / (1 + found.gap) <= theirs.sum()
 

@@ -8,7 +8,7 @@ import pytest
 
 from deltaopt.errors import NotConverged
 from deltaopt.planning.nlp.points import Layout, PointFunction, Points
-from deltaopt.planning.nlp.program import Program
+from deltaopt.planning.nlp.program import IpoptProgram
 
 VARIABLES, NUMBER = 5, 4
 COST = np.array([1.0, -2.0, 0.5, 0.0, 1.0])
@@ -34,7 +34,7 @@ def layouts(seed: int) -> tuple[Layout, Layout]:
 def test_derivatives_are_those_of_casadi(seed):
     function, (linear, layout) = point_function(), layouts(seed)
     free = np.full(2, np.inf)
-    program = Program(COST, linear, [Points(function, layout, -free, free)])
+    program = IpoptProgram(COST, linear, [Points(function, layout, -free, free)])
     z, p, lam_f = ca.MX.sym("z", VARIABLES), ca.MX.sym("p", 2), ca.MX.sym("lam_f")
     y = ca.reshape(layout.matrix(VARIABLES) @ z, 3, NUMBER)
     rows = [function.function(y[:, i], p) for i in range(NUMBER)]
@@ -53,7 +53,7 @@ def test_derivatives_are_those_of_casadi(seed):
         np.testing.assert_allclose(ours.full(), theirs.full(), atol=1e-13)
 
 
-def circles(radius2: float) -> Program:
+def circles(radius2: float) -> IpoptProgram:
     """The least z_0 + z_1 with z_i² + z_{i+1}² ≤ 1 for each of three neighbours.
 
     The last point's sum must be ``radius2`` at least.
@@ -62,7 +62,7 @@ def circles(radius2: float) -> Program:
     function = PointFunction("circle", ca.Function("circle", [y, p], [ca.sumsqr(y) / p]))
     neighbours = Layout(np.array([[0], [1], [1], [2], [2], [3]]), np.ones((6, 1)))
     last = Layout(np.array([[2], [3]]), np.ones((2, 1)))
-    return Program(
+    return IpoptProgram(
         np.array([1.0, 1.0, 0.0, 0.0]),
         Layout(np.zeros((0, 1), dtype=np.intp), np.zeros((0, 1))),
         [
@@ -107,7 +107,7 @@ def test_complaint_about_a_linear_row():
     layout = Layout(np.array([[0], [1], [0]]), np.ones((3, 1)))
     free = np.full(2, np.inf)
     linear = Layout(np.array([[0, 1]]), np.array([[1.0, -1.0]]))
-    program = Program(np.array([1.0, 0.0]), linear, [Points(function, layout, -free, free)])
+    program = IpoptProgram(np.array([1.0, 0.0]), linear, [Points(function, layout, -free, free)])
     lower, upper = np.array([0.0, 2.0]), np.array([1.0, 3.0])
     with pytest.raises(NotConverged, match="worst constraint: continuity, violated by 1"):
         program.solve(np.array([0.5, 2.5]), lower, upper, np.ones(2))
