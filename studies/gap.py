@@ -137,11 +137,11 @@ def truth_beside(scene: deltaopt.Scene, plan: Trajectory, tolerance: float) -> T
     resolved = refinement.from_guess(Guess(plan, near=True, tolerance=1e-5), uniform)
     if resolved:
         return Truth(resolved.trajectory.duration * resolved.safe_factor, resolved.gap, True)
-    iterations = refinement.iterations
-    best = min(range(len(iterations)), key=lambda i: iterations[i].safe_duration)
-    solution = refinement.solutions[best].exact()
+    meshes = refinement.meshes
+    best = min(range(len(meshes)), key=lambda i: meshes[i].safe_duration)
+    solution = meshes[best].exact()
     duration = solution.trajectory.duration * solution.safe_factor
-    return Truth(duration, gap_of(iterations, best), False)
+    return Truth(duration, gap_of(meshes, best), False)
 
 
 def held_plans(each: Move, tolerances: Sequence[float]) -> list[Held]:

@@ -29,14 +29,13 @@ from deltaopt.planning.mesh.error_estimate import (
     split,
     with_knots_at,
 )
-from deltaopt.planning.mesh.gap import iteration_of
+from deltaopt.planning.mesh.gap import record_of, with_gap
 from deltaopt.planning.mesh.kept_limits import tightest
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, solve_on_mesh
 from deltaopt.planning.nlp.phases import FacePhases, joined
 from deltaopt.planning.nlp.problem import Formulated, Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.softening import Softening
-from deltaopt.planning.plan import Iteration
 
 if TYPE_CHECKING:  # it is loaded where a tolerance asks for it, so that other plans start faster
     from deltaopt.planning.switching.resolution import ResolvedMotion
@@ -107,7 +106,7 @@ class Refinement:
     switching; None if they are not to be resolved. ``report``: is called with a line of text after
     every mesh. ``most``: duration (s) of a motion that is known; where no estimate lets hope for
     less, refinement ends. ``leads_past``: whether a motion leads through no body, though it may cut
-    corners. ``solutions`` and ``iterations``: of the meshes so far, one each.
+    corners. ``meshes``: the solutions so far.
     """
 
     program: Formulated
@@ -117,8 +116,7 @@ class Refinement:
     report: Progress
     most: float = inf
     leads_past: Callable[[Trajectory], bool] = lambda _: True
-    solutions: list[MeshSolution] = field(default_factory=list, init=False)
-    iterations: list[Iteration] = field(default_factory=list, init=False)
+    meshes: list[MeshSolution] = field(default_factory=list, init=False)
     _coarse_left: int = field(default=_MOST_DETECTIONS, init=False)
     _fine_left: int = field(default=1, init=False)
     _edges_left: int = field(default=_MOST_EDGES, init=False)
@@ -130,7 +128,7 @@ class Refinement:
         """Refine from a first guess and a first mesh, its intervals as fractions of the duration.
 
         Returns the motion with resolved switches; None if they were not resolved: then the
-        best of ``solutions`` is the result. Raises NotConverged if the first mesh is not solved,
+        best of ``meshes`` is the result. Raises NotConverged if the first mesh is not solved,
         CrossesSingularity if solutions keep passing through a parallel singularity, and Slower if
         the motion will take longer than ``most``.
         """
@@ -138,15 +136,15 @@ class Refinement:
         try:
             self._solve(own, first, first_tightening(scaling, first.trajectory, own))
         except ENDS_AN_ATTEMPT:
-            if scaling.faces is None or self.solutions:
+            if scaling.faces is None or self.meshes:
                 raise
             self._solve(mesh, first, first_tightening(self.scaling, first.trajectory, mesh))
         while not self._done:
-            last = self.solutions[-1]
-            gap = self.iterations[-1].gap
+            last = self.meshes[-1]
+            gap = last.gap
             wanted = _TARGET_SHARE * self.tolerance
             target = max(min(max(wanted, gap / _REDUCTION), _LARGEST_TARGET), _SMALLEST_TARGET)
-            resolve = self._next_resolution(gap)
+            resolve = self._next_resolution(last)
             if resolve:
                 resolved = resolve(last)
                 if resolved:
@@ -170,31 +168,32 @@ class Refinement:
                 self.report(f"{len(mesh)} intervals: {error}")
                 self._failures += 1
                 self._edges_left -= faces is not None
-        if self.resolver is None or self.iterations[-1].gap >= _DETECTABLE_GAP:
+        last = self.meshes[-1]
+        if self.resolver is None or last.gap >= _DETECTABLE_GAP:
             return None
-        if self.solutions[-1].faces is not None:  # arcs do not hold limits at edges
+        if last.faces is not None:  # arcs do not hold limits at edges
             return None
-        return self.resolver.from_last(self.solutions[-1])
+        return self.resolver.from_last(last)
 
-    def certificate(self, chosen: int) -> Certificate | None:
-        """The certificate of a mesh solution, by its index; None if it has none."""
-        if self.resolver is None or self.solutions[chosen].faces is not None:
+    def certificate(self, chosen: MeshSolution) -> Certificate | None:
+        """The certificate of a mesh solution; None if it has none."""
+        if self.resolver is None or chosen.faces is not None:
             return None
-        return self.resolver.certificate(self.solutions[chosen])
+        return self.resolver.certificate(chosen)
 
     @property
     def _done(self) -> bool:
-        spent = len(self.iterations) >= _MOST_MESHES or self._failures > _MOST_FAILURES
+        spent = len(self.meshes) >= _MOST_MESHES or self._failures > _MOST_FAILURES
         return self._within_tolerance or self._is_nearly_kept or spent
 
     @property
     def _is_nearly_kept(self) -> bool:
         """Whether peaks of rates of torques, with friction as it is, are all that is left: these
         are tightened away as the last mesh is solved again."""
-        last, soft = self.solutions[-1], self.solutions[-1].scaling.softening
+        last, soft = self.meshes[-1], self.meshes[-1].scaling.softening
         if not self.scaling.problem.rates_peak or soft is None or soft.least > 0:
             return False
-        unused = self.iterations[-1].gap - last.exceeding
+        unused = last.gap - last.exceeding
         exceeded = float((last.lost.exceeded * last.mesh).sum())
         is_small = max(unused, exceeded) < _TARGET_SHARE * self.tolerance
         return is_small and last.exceeding < _NEARLY_KEPT
@@ -203,17 +202,17 @@ class Refinement:
     def _within_tolerance(self) -> bool:
         """Whether the gap is small enough, after two meshes at least: the error estimate is
         corrected by comparing two; and no limit of position is exceeded."""
-        last = self.iterations[-1]
-        small = len(self.iterations) > 1 and last.gap <= self.tolerance
+        last = self.meshes[-1]
+        small = len(self.meshes) > 1 and last.gap <= self.tolerance
         return small and isfinite(last.safe_duration)
 
     def _softening(self, guess: Guess) -> Softening | None:
         """How much softer friction is on the next mesh."""
         problem = self.scaling.problem
-        if not self.solutions:
+        if not self.meshes:
             first = Softening.of(problem, guess.trajectory, self.tolerance)
             return first and replace(first, covers=guess.near)
-        last = self.solutions[-1]
+        last = self.meshes[-1]
         known = last.scaling.softening
         return known and known.after(problem, last.lost_to_friction, self.tolerance)
 
@@ -226,26 +225,24 @@ class Refinement:
                 found.status,
                 found.trajectory,
             )
-        self.solutions.append(found)
-        self.iterations.append(iteration_of(self.solutions))
+        self.meshes.append(with_gap(found, self.meshes))
         if self._within_tolerance and self.scaling.problem.may_be_slowed:
             # So far limits were checked at samples: now at all instants.
-            self.solutions[-1] = self.solutions[-1].exact()
-            self.iterations[-1] = iteration_of(self.solutions)
-        self.report(str(self.iterations[-1]))
+            self.meshes[-1] = with_gap(self.meshes[-1].exact(), self.meshes[:-1])
+        self.report(str(record_of(self.meshes[-1])))
         self._require_one_side()
         self._require_fast()
 
     def _require_fast(self) -> None:
         """Raise Slower where even twice the gap below its duration the motion is too slow."""
-        last, gap = self.solutions[-1], self.iterations[-1].gap
-        if last.trajectory.duration > (1 + _HOPEFUL * gap) * self.most:
+        last = self.meshes[-1]
+        if last.trajectory.duration > (1 + _HOPEFUL * last.gap) * self.most:
             raise Slower("a faster motion is known", last.status, last.trajectory)
 
     def _require_one_side(self) -> None:
         """Raise CrossesSingularity where solutions pass through a parallel singularity."""
-        last = self.solutions[-1]
-        if self.iterations[-1].gap <= _HOPELESS_GAP:
+        last = self.meshes[-1]
+        if last.gap <= _HOPELESS_GAP:
             return  # torques that grow without bound would have raised the gap
         crosses = crosses_singularity(last.problem, last.trajectory)
         self._crossings = self._crossings + 1 if crosses else 0
@@ -262,12 +259,8 @@ class Refinement:
         It is the same mesh if limits that are exceeded between its points are all that is left,
         for tightening the limits there cures that.
         """
-        lost, unused = last.lost, self.iterations[-1].gap - last.exceeding
-        if (
-            unused < self.tolerance / 2
-            and self.iterations[-1].gap < _SHARP_GAP
-            and not self._failures
-        ):
+        lost, unused = last.lost, last.gap - last.exceeding
+        if unused < self.tolerance / 2 and last.gap < _SHARP_GAP and not self._failures:
             lost = replace(lost, unused=np.zeros_like(lost.unused))
         together, before = self.scaling.problem.together, last.mesh
         if together > 1:
@@ -303,18 +296,17 @@ class Refinement:
         return bool(same) or self._repeats > _MOST_REPEATS
 
     def _next_resolution(
-        self, gap: float
+        self, last: MeshSolution
     ) -> Callable[[MeshSolution], ResolvedMotion | None] | None:
         """The way to resolve the switches of the last mesh; None if that is not worth trying.
 
         Each mesh is tried once at most.
         """
-        last = self.solutions[-1]
-        if self.resolver is None or self._failures or self._repeats or gap >= _DETECTABLE_GAP:
+        if self.resolver is None or self._failures or self._repeats or last.gap >= _DETECTABLE_GAP:
             return None
         if last.scaling.softening is not None or last.faces is not None:
             return None
-        if gap < _SHARP_GAP and self._fine_left:
+        if last.gap < _SHARP_GAP and self._fine_left:
             self._fine_left -= 1
             return self.resolver.from_fine
         if not self._coarse_left:

@@ -40,7 +40,7 @@ from deltaopt.planning.formulations.choice import Flat, ProblemFormulation, Redu
 from deltaopt.planning.journal import Progress
 from deltaopt.planning.mesh.error_estimate import SAFETY_FACTOR
 from deltaopt.planning.mesh.first_mesh import motion_on_first_mesh
-from deltaopt.planning.mesh.gap import gap_of, iteration_of
+from deltaopt.planning.mesh.gap import gap_of, record_of, with_gap
 from deltaopt.planning.mesh.kept_limits import kept_or_slowed
 from deltaopt.planning.mesh.mesh_solution import MeshSolution
 from deltaopt.planning.nlp.problem import (
@@ -53,7 +53,7 @@ from deltaopt.planning.nlp.problem import (
 )
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR, PiecewiseAcceleration
-from deltaopt.planning.plan import Iteration, Plan
+from deltaopt.planning.plan import Plan
 from deltaopt.planning.refinement import Refinement
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
@@ -156,22 +156,19 @@ class TrajectoryOptimiser:
             partial(leads_past, scene),
         )
         resolved = refinement.from_guess(guess, mesh)
-        solutions, iterations = refinement.solutions, refinement.iterations
-        best, later = _best_of(solutions, iterations), list[Iteration]()
+        meshes, later = refinement.meshes, list[MeshSolution]()
+        best = _best_of(meshes)
         if not problem.may_be_slowed:
-            later = iterations[best:] if is_fastest else []
-            solutions = [
-                *solutions[: best + 1],
-                kept_or_slowed(refinement.program, solutions[best], self.tolerance),
-            ]
-            iterations = [*iterations[: best + 1], iteration_of(solutions)]
-            best += 1
-            report(str(iterations[-1]))
+            later = meshes[best:] if is_fastest else []
+            before = meshes[: best + 1]
+            kept = kept_or_slowed(refinement.program, before[-1], self.tolerance)
+            meshes, best = [*before, with_gap(kept, before)], best + 1
+            report(str(record_of(meshes[best])))
         elif not resolved:
-            solutions[best] = solutions[best].exact()
-            iterations[best] = iteration_of(solutions[: best + 1])
-        chosen = resolved or solutions[best]
-        if not (resolved or solutions[best].needed.keeps_places):
+            meshes[best] = with_gap(meshes[best].exact(), meshes[:best])
+        last = meshes[best]
+        chosen = resolved or last
+        if not (resolved or last.needed.keeps_places):
             raise NotConverged(
                 "a limit of position is exceeded between the points of every mesh, however much it "
                 "is tightened",
@@ -184,20 +181,16 @@ class TrajectoryOptimiser:
             trajectory = moving_on(problem, trajectory)
         elif is_fastest:
             trajectory = safe(scene, trajectory, chosen.safe_factor, chosen.status)
-        gap = resolved.gap if resolved else gap_of([*iterations, *later], best)
+        gap = resolved.gap if resolved else gap_of([*meshes, *later], best)
         if is_fastest and problem.is_at_rest and not problem.may_be_slowed:
             # Where tightening its limits does not converge, the last mesh's motion is slowed.
-            gap = max(gap, _above_relaxed(solutions[best], solutions[best - 1]))
-        if not is_fastest:  # what it has cost to keep the limits between points
-            ratio = solutions[best].cost / solutions[best - 1].cost
-            by_mesh_before = ratio * (1 + iterations[best - 1].gap) - 1
-            gap += max(0.0, ratio - 1)
-            if by_mesh_before > 0:  # else a motion that costs less disproves that bound
-                gap = min(gap, by_mesh_before)
-            gap = max(gap, _above_least(refinement.solutions, best - 1))
+            gap = max(gap, _above_relaxed(last, meshes[best - 1]))
+        if not is_fastest:
+            gap = _with_cost_of_keeping(gap, last, meshes[best - 1])
+            gap = max(gap, _above_least(meshes[best - 1], refinement.meshes))
         if problem.least_duration and is_fastest:  # nothing is faster
             gap = min(gap, max(0.0, trajectory.duration / problem.least_duration - 1))
-        spent = sum(each.iterations for each in iterations)
+        spent = sum(each.solution.iterations for each in meshes)
         return Plan(
             scene=scene,
             trajectory=trajectory,
@@ -208,12 +201,10 @@ class TrajectoryOptimiser:
             iterations=spent + (resolved.iterations if resolved else 0),
             gap=gap,
             tolerance=self.tolerance,
-            meshes=tuple(iterations),
-            certificate=resolved.certificate if resolved else refinement.certificate(best),
+            meshes=tuple(map(record_of, meshes)),
+            certificate=resolved.certificate if resolved else refinement.certificate(last),
             resolved=resolved is not None,
-            multipliers=_multipliers(solutions[-1] if resolved else solutions[best])
-            if is_fastest
-            else None,
+            multipliers=_multipliers(meshes[-1] if resolved else last) if is_fastest else None,
         )
 
     def _resolver(self, scaling: Scaling, report: Progress) -> SwitchResolver | None:
@@ -367,22 +358,32 @@ def _require_one_side(problem: Problem, trajectory: Trajectory, status: str) -> 
         )
 
 
-def _best_of(solutions: Sequence[MeshSolution], iterations: Sequence[Iteration]) -> int:
+def _best_of(meshes: Sequence[MeshSolution]) -> int:
     """The index of the fastest mesh solution once it keeps all limits, or of effort that with the
     least gap. Where slowing helps none, the finest that keeps its places: others follow from it."""
 
     def merit(i: int) -> tuple[float, bool, int]:
-        least = iterations[i].safe_duration
-        if iterations[i].cost is not None:
-            least = max(iterations[i].gap, _above_least(solutions, i))
-        return least, not solutions[i].needed.keeps_places, -i
+        found, least = meshes[i], meshes[i].safe_duration
+        if found.problem.objective.running:
+            least = max(found.gap, _above_least(found, meshes))
+        return least, not found.needed.keeps_places, -i
 
-    return min(range(len(iterations)), key=merit)
+    return min(range(len(meshes)), key=merit)
 
 
-def _above_least(solutions: Sequence[MeshSolution], i: int) -> float:
+def _above_least(found: MeshSolution, meshes: Sequence[MeshSolution]) -> float:
     """By what share a mesh solution costs more than the least of all: its gap is no less."""
-    return solutions[i].cost / min(each.cost for each in solutions) - 1
+    return found.cost / min(each.cost for each in meshes) - 1
+
+
+def _with_cost_of_keeping(gap: float, kept: MeshSolution, before: MeshSolution) -> float:
+    """A gap with what it has cost to keep the limits between points, which the mesh solution
+    ``before`` does not."""
+    ratio = kept.cost / before.cost
+    by_mesh_before = ratio * (1 + before.gap) - 1
+    gap += max(0.0, ratio - 1)
+    # A motion that costs less than that bound disproves it.
+    return min(gap, by_mesh_before) if by_mesh_before > 0 else gap
 
 
 def _above_relaxed(kept: MeshSolution, relaxed: MeshSolution) -> float:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 from deltaopt.planning.mesh.error_estimate import SAFETY_FACTOR
 from deltaopt.planning.mesh.mesh_solution import MeshSolution
 from deltaopt.planning.plan import Iteration
@@ -11,53 +14,56 @@ _JUDGEABLE = 0.1
 estimate can be corrected by what was really gained."""
 
 
-def gap_of(iterations: list[Iteration], chosen: int) -> float:
+def gap_of(meshes: Sequence[MeshSolution], chosen: int) -> float:
     """Optimality gap of the motion of the mesh ``chosen``, by the estimates of all meshes after it.
 
     Each later mesh bounds the least duration from below by its safe duration over (1 + gap). The
     last bound that is not above the chosen motion is used; a higher one belongs to a worse local
     minimum.
     """
-    own = iterations[chosen]
-    for last in reversed(iterations[chosen + 1 :]):
+    own = meshes[chosen]
+    for last in reversed(meshes[chosen + 1 :]):
         shortest = last.safe_duration / (1 + last.gap)
         if shortest <= own.safe_duration:
             return min(own.gap, own.safe_duration / shortest - 1)
     return own.gap
 
 
-def iteration_of(solutions: list[MeshSolution]) -> Iteration:
-    """The record of the last mesh solution, with its gap.
+def with_gap(last: MeshSolution, before: Sequence[MeshSolution]) -> MeshSolution:
+    """A mesh solution with its gap, by those on the meshes ``before`` it too.
 
     The estimated loss of time is compared with how much the duration really fell since the
     last solution on another mesh: where the estimate fell short, it is raised in proportion, but
     for what softer friction loses, which no other mesh changes.
     """
-    last = solutions[-1]
-    to_be_gained = last.unused + _left(solutions)
-    others = [each for each in solutions if len(each.mesh) != len(last.mesh)]
+    to_be_gained = last.unused + _left([*before, last])
+    others = [each for each in before if len(each.mesh) != len(last.mesh)]
     correction = 1.0
     if others:
-        before = others[-1]
-        fell = before.cost / last.cost - 1
-        expected = before.to_be_gained - last.to_be_gained
-        judgeable = expected > _JUDGEABLE * before.to_be_gained
+        other = others[-1]
+        fell = other.cost / last.cost - 1
+        expected = other.to_be_gained - last.to_be_gained
+        judgeable = expected > _JUDGEABLE * other.to_be_gained
         # Two solutions with nearly the same estimate say nothing about it: allow for a factor of 2.
         correction = max(1.0, fell / expected) if judgeable else 2.0
+    lost = correction * (to_be_gained - last.lost_to_friction) + last.lost_to_friction
+    return replace(last, gap=last.exceeding + SAFETY_FACTOR * lost)
+
+
+def record_of(found: MeshSolution) -> Iteration:
+    """What is told of a mesh solution."""
     return Iteration(
-        intervals=len(last.mesh),
-        iterations=last.solution.iterations,
-        duration=last.trajectory.duration,
-        safe_duration=last.safe_duration,
-        gap=last.exceeding
-        + SAFETY_FACTOR
-        * (correction * (to_be_gained - last.lost_to_friction) + last.lost_to_friction),
-        cost=last.cost if last.problem.objective.running else None,
-        unit=last.problem.objective.unit,
+        intervals=len(found.mesh),
+        iterations=found.solution.iterations,
+        duration=found.trajectory.duration,
+        safe_duration=found.safe_duration,
+        gap=found.gap,
+        cost=found.cost if found.problem.objective.running else None,
+        unit=found.problem.objective.unit,
     )
 
 
-def _left(solutions: list[MeshSolution]) -> float:
+def _left(solutions: Sequence[MeshSolution]) -> float:
     """What the solver has left of the last solution, as a fraction of the duration.
 
     Where it had not arrived on the meshes before, it has been in a valley that is nearly flat: what

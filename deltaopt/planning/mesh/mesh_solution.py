@@ -146,7 +146,7 @@ class MeshSolution:
     samples.
     ``excess``: as of ``sure_excess``, and ``beside``: what is lost beside each of these limits,
     (rows,); None without such. ``has_arrived``: whether the solver
-    left no more than was asked for.
+    left no more than was asked for. ``gap``: the estimated optimality gap, as of ``with_gap``.
     """
 
     program: MeshProgram
@@ -161,6 +161,7 @@ class MeshSolution:
     is_exact: bool = False
     excess: Array | None = None
     beside: Array | None = None
+    gap: float = inf
 
     @property
     def problem(self) -> Problem:

@@ -135,7 +135,7 @@ def searched():
 def test_the_hamiltonian_is_what_theory_says(searched):
     """-1, from multipliers that know nothing of it; not so on a coarse mesh."""
     rows = searched.resolver.rows
-    coarse, fine = (hamiltonian_on_mesh(rows, searched.solutions[i]) for i in (0, -1))
+    coarse, fine = (hamiltonian_on_mesh(rows, searched.meshes[i]) for i in (0, -1))
     np.testing.assert_allclose(fine, -1, atol=MET)
     assert np.abs(coarse + 1).max() > 10 * MET
     assert searched.certificate(-1).residual <= MET
@@ -147,7 +147,7 @@ def test_costates_of_neighbouring_knots_agree():
     """A move with two motors at their speed limits, on intervals of 1e-4: the limits of every one
     tell the costates, though their Jacobian by its knots is as large as its length is small."""
     found = searched_for(random_move("industrial", 9), 3e-6)
-    fine, rows = found.solutions[-1], found.resolver.rows
+    fine, rows = found.meshes[-1], found.resolver.rows
     assert fine.mesh.min() < 2e-4
     assert np.abs(hamiltonian_on_mesh(rows, fine) + 1).max() < MET
 
@@ -155,7 +155,7 @@ def test_costates_of_neighbouring_knots_agree():
 @machine_code
 def test_wrong_multipliers_do_not_satisfy_it(searched):
     """Those of one motor a tenth too high."""
-    fine = searched.solutions[-1]
+    fine = searched.meshes[-1]
     wrong = fine.solution.multipliers * np.where(np.arange(ROWS) == 0, 1.1, 1.0)
     disturbed = replace(fine, solution=replace(fine.solution, multipliers=wrong))
     assert certify_mesh(searched.resolver.rows, disturbed).residual > 10 * MET
