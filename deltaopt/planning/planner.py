@@ -157,14 +157,15 @@ class Planner:
     def _check_types(self) -> None:
         """Raise TypeError for a setting that is no value of its kind, such as its name."""
         forms = ProblemFormulation | Multiplier | Projected
-        if self.formulation is not None:
-            require_type("formulation", self.formulation, forms, FORMULATIONS_EXPECTED)
-        if self.solver is not None:
-            expected = "deltaopt.interior_point or deltaopt.ipopt"
-            require_type("solver", self.solver, Solver, expected)
-        if self.transcription is not None:
-            expected = "deltaopt.PiecewiseAcceleration(degree)"
-            require_type("transcription", self.transcription, PiecewiseAcceleration, expected)
+        degree = "deltaopt.PiecewiseAcceleration(degree)"
+        for name, kind, expected in (
+            ("formulation", forms, FORMULATIONS_EXPECTED),
+            ("solver", Solver, "deltaopt.interior_point or deltaopt.ipopt"),
+            ("transcription", PiecewiseAcceleration, degree),
+        ):
+            given = getattr(self, name)
+            if given is not None:
+                require_type(name, given, kind, expected)
 
     def plan(
         self,

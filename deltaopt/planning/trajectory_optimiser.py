@@ -38,9 +38,15 @@ from deltaopt.planning.first_motions.order_of_merit import (
 )
 from deltaopt.planning.formulations.choice import Flat, ProblemFormulation, Redundant
 from deltaopt.planning.journal import Progress
-from deltaopt.planning.mesh.error_estimate import SAFETY_FACTOR
 from deltaopt.planning.mesh.first_mesh import motion_on_first_mesh
-from deltaopt.planning.mesh.gap import gap_of, record_of, with_gap
+from deltaopt.planning.mesh.gap import (
+    above_least,
+    above_relaxed,
+    gap_of,
+    record_of,
+    with_cost_of_keeping,
+    with_gap,
+)
 from deltaopt.planning.mesh.kept_limits import kept_or_slowed
 from deltaopt.planning.mesh.mesh_solution import MeshSolution
 from deltaopt.planning.nlp.problem import (
@@ -184,10 +190,10 @@ class TrajectoryOptimiser:
         gap = resolved.gap if resolved else gap_of([*meshes, *later], best)
         if is_fastest and problem.is_at_rest and not problem.may_be_slowed:
             # Where tightening its limits does not converge, the last mesh's motion is slowed.
-            gap = max(gap, _above_relaxed(last, meshes[best - 1]))
+            gap = max(gap, above_relaxed(last, meshes[best - 1]))
         if not is_fastest:
-            gap = _with_cost_of_keeping(gap, last, meshes[best - 1])
-            gap = max(gap, _above_least(meshes[best - 1], refinement.meshes))
+            gap = with_cost_of_keeping(gap, last, meshes[best - 1])
+            gap = max(gap, above_least(meshes[best - 1], refinement.meshes))
         if problem.least_duration and is_fastest:  # nothing is faster
             gap = min(gap, max(0.0, trajectory.duration / problem.least_duration - 1))
         spent = sum(each.solution.iterations for each in meshes)
@@ -365,31 +371,10 @@ def _best_of(meshes: Sequence[MeshSolution]) -> int:
     def merit(i: int) -> tuple[float, bool, int]:
         found, least = meshes[i], meshes[i].safe_duration
         if found.problem.objective.running:
-            least = max(found.gap, _above_least(found, meshes))
+            least = max(found.gap, above_least(found, meshes))
         return least, not found.needed.keeps_places, -i
 
     return min(range(len(meshes)), key=merit)
-
-
-def _above_least(found: MeshSolution, meshes: Sequence[MeshSolution]) -> float:
-    """By what share a mesh solution costs more than the least of all: its gap is no less."""
-    return found.cost / min(each.cost for each in meshes) - 1
-
-
-def _with_cost_of_keeping(gap: float, kept: MeshSolution, before: MeshSolution) -> float:
-    """A gap with what it has cost to keep the limits between points, which the mesh solution
-    ``before`` does not."""
-    ratio = kept.cost / before.cost
-    by_mesh_before = ratio * (1 + before.gap) - 1
-    gap += max(0.0, ratio - 1)
-    # A motion that costs less than that bound disproves it.
-    return min(gap, by_mesh_before) if by_mesh_before > 0 else gap
-
-
-def _above_relaxed(kept: MeshSolution, relaxed: MeshSolution) -> float:
-    """The gap of a solution that keeps limits between points, by the one before, which does not."""
-    least = relaxed.cost / (1 + SAFETY_FACTOR * relaxed.to_be_gained)
-    return kept.cost / least - 1
 
 
 def _multipliers(found: MeshSolution) -> MeshMultipliers | None:

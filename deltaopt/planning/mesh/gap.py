@@ -75,3 +75,24 @@ def _left(solutions: Sequence[MeshSolution]) -> float:
             break
         left.append(each.solution.left)
     return max(left)
+
+
+def above_least(found: MeshSolution, meshes: Sequence[MeshSolution]) -> float:
+    """By what share a mesh solution costs more than the least of all: its gap is no less."""
+    return found.cost / min(each.cost for each in meshes) - 1
+
+
+def above_relaxed(kept: MeshSolution, relaxed: MeshSolution) -> float:
+    """The gap of a solution that keeps limits between points, by the one before, which does not."""
+    least = relaxed.cost / (1 + SAFETY_FACTOR * relaxed.to_be_gained)
+    return kept.cost / least - 1
+
+
+def with_cost_of_keeping(gap: float, kept: MeshSolution, before: MeshSolution) -> float:
+    """A gap with what it has cost to keep the limits between points, which the mesh solution
+    ``before`` does not."""
+    ratio = kept.cost / before.cost
+    by_mesh_before = ratio * (1 + before.gap) - 1
+    gap += max(0.0, ratio - 1)
+    # A motion that costs less than that bound disproves it.
+    return min(gap, by_mesh_before) if by_mesh_before > 0 else gap

@@ -178,7 +178,7 @@ class _ActiveSetUpdate:
         if not leave[:, 0].any() and all(a != arc for a, _ in e.conditions.active.singular):
             signs = self._vertex(i, j, limits)
             if signs is None:  # no controls keep all of these state limits
-                limits = tuple(each._replace(velocity=0, position=0) for each in limits)
+                limits = tuple(each._replace(states=(0, 0)) for each in limits)
                 signs = self._vertex(i, j, limits)
             if signs is not None:
                 return tuple(

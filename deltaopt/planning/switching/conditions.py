@@ -67,7 +67,7 @@ def state_rows(rows: ConstraintRows, arc: Arc) -> list[tuple[int, int]]:
         (k, int(state.holding[k]))
         for state in rows.states
         for k, limits in enumerate(arc)
-        if limits.state(state.order)
+        if limits.states[state.order]
     ]
 
 
@@ -126,10 +126,10 @@ def _motor_entries(
     a: int, k: int, state: StateRows, now: ActiveLimits, before: ActiveLimits
 ) -> list[EntryCondition]:
     found = []
-    contact, sign = now.contact(state.order), now.state(state.order)
+    contact, sign = now.contacts[state.order], now.states[state.order]
     if contact and before != now:
         found.append(EntryCondition(a, k, state, 0, float(contact)))
-    if sign and before.state(state.order) != sign:
+    if sign and before.states[state.order] != sign:
         found.append(EntryCondition(a, k, state, 0, float(sign)))
         zero = range(1, len(state.derivatives) - 1)
         found += [EntryCondition(a, k, state, derivative, 0.0) for derivative in zero]

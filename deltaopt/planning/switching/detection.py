@@ -244,9 +244,8 @@ def _with_states(
     for end in sorted(instants):
         middle = (begin + end) / 2
         interval = min(int(np.searchsorted(ends, middle)), len(states)) - 1
-        position, velocity = states[interval].tolist()
         limits = contacts.get(begin, INACTIVE)._replace(
-            control=active_at(control, middle).control, velocity=velocity, position=position
+            control=active_at(control, middle).control, states=tuple(states[interval].tolist())
         )
         arcs.append(MotorArc(begin, end, limits))
         begin = end

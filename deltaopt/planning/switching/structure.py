@@ -25,6 +25,8 @@ from numpy.typing import NDArray
 from deltaopt.curves.piecewise import Array, Truths
 
 Signs = NDArray[np.int8]
+SignsByOrder = tuple[int, int]
+"""Of limits of order 0 and 1."""
 
 VANISHED = 1e-5
 """Length, as a fraction of the duration, below which an arc is left out. A larger value loses arcs
@@ -39,47 +41,41 @@ mean over noise, with a larger one the middle of the short arc is taken too ofte
 class ActiveLimits(NamedTuple):
     """The active limits of one motor: 1 at the upper limit, -1 at the lower, 0 where inactive.
 
-    ``velocity_contact`` and ``position_contact``: limits of the state that are reached at the
-    instant where this begins, and left at once (contact points).
+    ``states``: those of the state, by their order, 0 of the position and 1 of the velocity.
+    ``contacts``: those that are reached at the instant where this begins, and left at once
+    (contact points), likewise.
     """
 
     control: int = 0
-    velocity: int = 0
-    position: int = 0
-    velocity_contact: int = 0
-    position_contact: int = 0
-
-    def state(self, order: int) -> int:
-        """The sign of the active state limit of order 0 (position) or 1 (velocity)."""
-        return self.velocity if order else self.position
-
-    def contact(self, order: int) -> int:
-        """The sign of the state limit of order 0 or 1 that has a contact point here."""
-        return self.velocity_contact if order else self.position_contact
+    states: SignsByOrder = (0, 0)
+    contacts: SignsByOrder = (0, 0)
 
     def with_state(self, order: int, sign: int) -> ActiveLimits:
         """These limits with another sign of the state limit of order 0 or 1."""
-        return self._replace(velocity=sign) if order else self._replace(position=sign)
+        return self._replace(states=_changed(self.states, order, sign))
 
     def with_contact(self, order: int, sign: int) -> ActiveLimits:
         """These limits with another sign of the contact of order 0 or 1."""
-        if order:
-            return self._replace(velocity_contact=sign)
-        return self._replace(position_contact=sign)
+        return self._replace(contacts=_changed(self.contacts, order, sign))
 
     @property
     def number(self) -> int:
         """How many limits are active, contact points not counted."""
-        return bool(self.control) + bool(self.velocity) + bool(self.position)
+        return sum(map(bool, (self.control, *self.states)))
 
     @property
     def without_contacts(self) -> ActiveLimits:
         """What is active after the instant where an arc begins: no contacts."""
-        return self._replace(velocity_contact=0, position_contact=0)
+        return self._replace(contacts=(0, 0))
 
     def continues(self, before: ActiveLimits) -> bool:
         """Whether nothing changes where this follows on ``before``."""
         return self in (before, before.without_contacts)
+
+
+def _changed(signs: SignsByOrder, order: int, sign: int) -> SignsByOrder:
+    position, velocity = signs
+    return (position, sign) if order else (sign, velocity)
 
 
 INACTIVE = ActiveLimits()
@@ -107,7 +103,7 @@ class SwitchingStructure:
 
     def state(self, order: int) -> Signs:
         """Signs of the active state limits of order 0 (position) or 1 (velocity), (arcs, m)."""
-        return np.array([[motor.state(order) for motor in arc] for arc in self.limits], np.int8)
+        return np.array([[motor.states[order] for motor in arc] for arc in self.limits], np.int8)
 
     @cached_property
     def reversible(self) -> Truths:
@@ -180,21 +176,20 @@ def joined(arcs: list[MotorArc]) -> list[MotorArc]:
     became active on such an arc, a contact point remains of it.
     """
     found: list[MotorArc] = []
-    position_contact = velocity_contact = 0
+    contacts = [0, 0]
     for arc in arcs:
         begin = found[-1].end if found else 0.0
         limits = arc.limits
         if arc.end - max(arc.begin, begin) <= VANISHED:
-            was_active = found and found[-1].limits.position
-            reached = 0 if was_active else limits.position
-            position_contact = position_contact or limits.position_contact or reached
-            velocity_contact = velocity_contact or limits.velocity_contact
+            was_active = found and found[-1].limits.states[0]
+            reached = (0 if was_active else limits.states[0], 0)
+            every = zip(contacts, limits.contacts, reached, strict=True)
+            contacts = [known or own or new for known, own, new in every]
             continue
-        if position_contact and not limits.position:
-            limits = limits.with_contact(0, position_contact)
-        if velocity_contact and not limits.velocity:
-            limits = limits.with_contact(1, velocity_contact)
-        position_contact = velocity_contact = 0
+        for order, sign in enumerate(contacts):
+            if sign and not limits.states[order]:
+                limits = limits.with_contact(order, sign)
+        contacts = [0, 0]
         if found and limits.continues(found[-1].limits):
             found[-1] = replace(found[-1], end=arc.end)
         else:
@@ -250,12 +245,12 @@ def determined(structure: SwitchingStructure) -> SwitchingStructure:
 
 def _determined(arc: Arc) -> Arc:
     limits = list(arc)
-    for k in sorted(range(len(arc)), key=lambda k: not (arc[k].velocity or arc[k].position)):
+    for k in sorted(range(len(arc)), key=lambda k: not any(arc[k].states)):
         if number_active(tuple(limits)) > len(arc):
             limits[k] = limits[k]._replace(control=0)
     for k in range(len(arc)):
         if number_active(tuple(limits)) > len(arc):
-            limits[k] = limits[k]._replace(velocity=0)
+            limits[k] = limits[k].with_state(1, 0)
     return tuple(limits)
 
 

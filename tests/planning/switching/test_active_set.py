@@ -84,7 +84,7 @@ def test_a_velocity_that_touches_its_limit():
     """At one instant, where the costates jump, and not before or after it."""
     scene, found = random_move("industrial", 13), resolved(13)
     structure = found.conditions.structure
-    contacts = np.array([[limit.velocity_contact for limit in arc] for arc in structure.limits])
+    contacts = np.array([[limit.contacts[1] for limit in arc] for arc in structure.limits])
     (arc, motor) = np.argwhere(contacts)[0]
     ends = np.cumsum(structure.lengths) * found.trajectory.duration
     instant, apart = ends[arc - 1], 0.02 * ends[-1]

@@ -173,7 +173,7 @@ def test_one_motor_with_one_coordinate():
     c = constraints.rows(motion, p.limits)
     off = y[3] - acceleration / p.torque
     rows = ConstraintRows(PointEquations(constraints, y, p, off, c, ca.SX(0)))
-    up, at_speed, down = ((ActiveLimits(*limits),) for limits in ((1,), (0, 1), (-1,)))
+    up, at_speed, down = ((ActiveLimits(*limits),) for limits in ((1,), (0, (0, 1)), (-1,)))
     arcs = SwitchingStructure(np.array([0.3, 0.4, 0.3]), (up, at_speed, down))
     way = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])[:, None] * line.d
     position = PiecewisePolynomial(np.array([0.0, 1.0]), way[None]).slowed(1.6 * line.duration)
