@@ -32,7 +32,12 @@ from deltaopt.limits.limit import (
     OwnMeasure,
 )
 from deltaopt.limits.solid_distance import (
+    AXES,
+    CENTRE,
+    HALF,
+    IS_ROUND,
     OF_SOLID,
+    RADIUS,
     TINY,
     distance_from_solid,
     larger,
@@ -62,6 +67,8 @@ _SAME_PLANE = 1e-9
 OF_LIMIT = 3
 """Numbers of every body beside its shape: the least distance, the scale, and the least distance
 again, -inf for a place that is not used."""
+_KEPT, _SCALE, _BOUND = -3, -2, -1
+"""Where these are among a body's numbers, which end with them."""
 PLACES = (1, 2, 4, 8, 16, 32, 64)
 _TRIANGLES = (16, MOST_TRIANGLES)
 MOST_SOLIDS = PLACES[-1]
@@ -87,7 +94,7 @@ class Distances(Limit):
 
     def bounds(self, numbers: SX) -> Bounds:
         each = self._split(numbers)
-        lower, scale = (ca.vertcat(*(own[i] for own in each)) for i in (-1, -2))
+        lower, scale = (ca.vertcat(*(own[i] for own in each)) for i in (_BOUND, _SCALE))
         return Bounds(lower, None, scale, out_of_reach=True)
 
     def measure(self, motion: Instant, numbers: SX) -> SX:
@@ -106,7 +113,7 @@ class _KeepOut(Distances, ConvexLimit):
 
     def edge_radii(self, numbers: SX) -> SX:
         """Radii of the edges that the tool's point goes around at its bound, m."""
-        return ca.vertcat(*(self._edge(own) + own[-3] for own in self._split(numbers)))
+        return ca.vertcat(*(self._edge(own) + own[_KEPT] for own in self._split(numbers)))
 
     def _edge(self, own: SX) -> SX:
         """Radius of the edges of one body, m."""
@@ -141,7 +148,8 @@ class KeepOut(_KeepOut):
         return [tuple(chain.from_iterable(each))]
 
     def _edge(self, own: SX) -> SX:
-        return own[16] + where(own[12] > _HUGE, own[12])
+        first = own[HALF][0]
+        return own[RADIUS] + where(first > _HUGE, first)
 
     def _size(self, numbers: int) -> int:
         return OF_SOLID + OF_LIMIT
@@ -152,10 +160,11 @@ class KeepOut(_KeepOut):
     def _face(self, own: Array, side: _Side) -> Array:
         """All beyond one side of a solid, whose other sides are then far away."""
         face, (axis, sign) = own.copy(), side
-        face[12 + axis if sign else 14] = _SIDE
         if sign:
-            face[9:12] += sign * (own[12 + axis] - _SIDE) * own[3 * axis : 3 * axis + 3]
-            face[12:15], face[15] = _SIDE, 0.0
+            face[CENTRE] += sign * (own[HALF][axis] - _SIDE) * _axis(own, axis)
+            face[HALF], face[IS_ROUND] = _SIDE, 0.0
+        else:
+            face[HALF][2] = _SIDE
         return face
 
     def _opened(self, own: Array, faces: Collection[int]) -> Array | None:
@@ -163,8 +172,8 @@ class KeepOut(_KeepOut):
         for axis, sign in (sides[face] for face in faces):
             if not sign:
                 return None
-            wide[9:12] += sign * _SIDE * own[3 * axis : 3 * axis + 3]
-            wide[12 + axis] += _SIDE
+            wide[CENTRE] += sign * _SIDE * _axis(own, axis)
+            wide[HALF][axis] += _SIDE
         return wide
 
     def _distance(self, motion: Instant, own: SX) -> SX:
@@ -177,10 +186,15 @@ _Side = tuple[int, int]
 
 def _sides(own: Array) -> list[_Side]:
     """The sides of a solid that a motion may meet, by its numbers."""
-    is_round = bool(own[15])
-    curved = [(0, 0)] if is_round and own[14] < _HUGE else []
+    is_round, half = bool(own[IS_ROUND]), own[HALF]
+    curved = [(0, 0)] if is_round and half[2] < _HUGE else []
     axes = (2,) if is_round else (0, 1, 2)
-    return curved + [(i, sign) for i in axes if own[12 + i] < _HUGE for sign in (1, -1)]
+    return curved + [(i, sign) for i in axes if half[i] < _HUGE for sign in (1, -1)]
+
+
+def _axis(own: Array, axis: int) -> Array:
+    """A unit vector of a solid's axes, (3,), by its numbers."""
+    return np.asarray(own[AXES].reshape(3, 3)[axis])
 
 
 @dataclass(frozen=True)
@@ -264,7 +278,7 @@ def kept_from(scene: Described, least: float) -> Numbers:
 def distance_row(distance: SX, own: SX) -> SX:
     """A distance with its lower bound at -1, and below 0 however large it is: bodies that are far
     away hardly matter. The slope is 1 and the second derivative continuous at the bound."""
-    over = (distance - own[-3]) / own[-2]
+    over = (distance - own[_KEPT]) / own[_SCALE]
     near, beyond = positive(over), positive(-over)
     return -1 + near / (1 + near) - beyond - beyond**2
 

@@ -18,6 +18,8 @@ from deltaopt.robot.solids import Solid
 
 OF_SOLID = 17
 """Numbers of a solid: axes, centre, half lengths, whether it is round, radius."""
+AXES, CENTRE, HALF, IS_ROUND, RADIUS = slice(0, 9), slice(9, 12), slice(12, 15), 15, 16
+"""Where these are among them."""
 TINY = 1e-24
 """Stands for a squared distance of 0, m², where a root would have no derivative."""
 _BISECTIONS = 12
@@ -39,8 +41,8 @@ def numbers_of_solid(solid: Solid) -> Numbers:
 
 def distance_from_solid(x: SX, own: SX) -> SX:
     """Signed distance of a point (3, m) from a solid, by its numbers."""
-    axes, centre, half = ca.reshape(own[:9], 3, 3).T, own[9:12], own[12:15]
-    is_round, radius = own[15], own[16]
+    axes, centre, half = ca.reshape(own[AXES], 3, 3).T, own[CENTRE], own[HALF]
+    is_round, radius = own[IS_ROUND], own[RADIUS]
     u = axes @ (x - centre)
     across = root(u[0] ** 2 + is_round * u[1] ** 2)
     beyond = ca.vertcat(across, (1 - is_round) * ca.fabs(u[1]), ca.fabs(u[2])) - half
@@ -77,7 +79,7 @@ class _Line:
         """At a share of the line: by how much it is beyond the solid's sides, the rates of these
         by the share, and the rate of the first of these rates, which of a cylinder is not
         constant."""
-        half, is_round, u, way = self.solid[12:15], self.solid[15], self.begin, self.way
+        half, is_round, u, way = self.solid[HALF], self.solid[IS_ROUND], self.begin, self.way
         u = u + share * way
         across = root(u[0] ** 2 + is_round * u[1] ** 2)
         rate = (u[0] * way[0] + is_round * u[1] * way[1]) / across
@@ -101,7 +103,7 @@ class _Line:
 
 def nearest_share(begin: SX, end: SX, solid: SX, bisections: int = _BISECTIONS) -> SX:
     """At which share of a line, from 0 to 1, it is nearest to a solid, by the numbers of that."""
-    axes, centre = ca.reshape(solid[:9], 3, 3).T, solid[9:12]
+    axes, centre = ca.reshape(solid[AXES], 3, 3).T, solid[CENTRE]
     line = _Line(axes @ (begin - centre), axes @ (end - begin), solid)
     share, step = SX(0.5), 0.25
     for _ in range(bisections):
