@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from enum import Enum
 from importlib import import_module
 from pathlib import Path
@@ -81,6 +82,15 @@ class SceneError(Unusable):
     def renamed(self, key: str) -> SceneError:
         """This error with another key."""
         return SceneError(self.file, key, self.value, self.expected, self.problem, self.place)
+
+
+@contextmanager
+def inside(*, file: Path | None = None, key: str = "") -> Iterator[None]:
+    """What is wrong in a file, or in the record under a key, is raised with these."""
+    try:
+        yield
+    except SceneError as error:
+        raise error.inside(file=file, key=key) from None
 
 
 def shortened(text: str, limit: int = 120) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import yaml
 
-from deltaopt.errors import SceneError
+from deltaopt.errors import SceneError, inside
 from deltaopt.files.regular_file import content_of
 
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
@@ -43,10 +43,8 @@ def read_yaml(file: Path) -> dict[str, object]:
 
     Raises SceneError, naming the file, if it cannot be read or is not such a mapping.
     """
-    try:
+    with inside(file=file):
         content = _parsed(_text(file))
-    except SceneError as error:
-        raise error.inside(file=file) from None
     if not isinstance(content, dict):
         # What stands in it is not quoted: a file named by mistake may hold secrets.
         problem = "is a list" if isinstance(content, list) else "is a single value"
@@ -149,10 +147,8 @@ def _mapping(node: yaml.MappingNode) -> dict[str, object]:
         key = key_node.value
         if not (isinstance(key, str) and _WORD.fullmatch(key)):
             raise _unusable(f"has a key that is no word (line {line})")
-        try:
+        with inside(key=key):
             value = _content(value_node)
-        except SceneError as error:
-            raise error.inside(key=key) from None
         if key in mapping:
             raise SceneError(None, key, value, "each key once", f"is given again in line {line}")
         mapping[key] = value

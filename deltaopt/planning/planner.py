@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from time import perf_counter
 from typing import Any
@@ -296,14 +296,8 @@ class Planner:
     @cached_property
     def _optimiser(self) -> TrajectoryOptimiser:
         """What plans from one first motion, with these settings."""
-        return TrajectoryOptimiser(
-            self.tolerance,
-            self.intervals,
-            self.transcription,
-            self.formulation,
-            self.resolved_below,
-            self.solver,
-        )
+        names = (each.name for each in fields(TrajectoryOptimiser))
+        return TrajectoryOptimiser(**{name: getattr(self, name) for name in names})
 
 
 def _state_of(motion: Motion, with_acceleration: bool = False) -> State:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from deltaopt.errors import SceneError
+from deltaopt.errors import SceneError, inside
 from deltaopt.files.units import ACCELERATION, SPEED
 from deltaopt.files.validated_record import Number, Record, Vector3, optional, vector3
 from deltaopt.problem.boundary import REST, Boundary
@@ -113,10 +113,8 @@ def end_in(key: str, content: Any) -> Any:
     if "belt" in content and key == "start":
         raise SceneError(None, "start.belt", content["belt"], "a belt at the goal alone")
     kind = Belt if "belt" in content else State
-    try:
+    with inside(key=key):
         return kind.model_validate(dict(content))
-    except SceneError as error:
-        raise error.inside(key=key) from None
 
 
 def end_of(given: End) -> Boundary:

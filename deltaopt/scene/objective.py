@@ -19,7 +19,7 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from deltaopt.errors import SceneError
+from deltaopt.errors import SceneError, inside
 from deltaopt.files.units import (
     DURATION,
     EFFORT_WEIGHT,
@@ -300,10 +300,8 @@ def objective_in(content: dict[str, object]) -> dict[str, object]:
         kind = next((_WITH_TIME[key] for key in given if key in _WITH_TIME), TimeAndEffort)
         if kind is TimeAndEffort and isinstance(given.get("effort"), list | tuple):
             kind = TimeAndEfforts
-        try:
+        with inside(key="objective"):
             return {**rest, "objective": kind.model_validate(given)}
-        except SceneError as error:
-            raise error.inside(key="objective") from None
     return {**rest, "objective": given}
 
 

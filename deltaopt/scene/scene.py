@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from deltaopt.errors import SceneError
+from deltaopt.errors import SceneError, inside
 from deltaopt.files.tables import html_table
 from deltaopt.files.units import MASS, WIDTH
 from deltaopt.files.validated_record import NonNegative, Positive, Record, Vector3, optional
@@ -266,10 +266,8 @@ class Scene(Record):
         """
         read = dict(given)
         if "path" in read:
-            try:
+            with inside(key="path"):
                 read["path"] = path_in(read["path"])
-            except SceneError as error:
-                raise error.inside(key="path") from None
         read |= {key: end_in(key, read[key]) for key in ("start", "goal") if key in read}
         if "via" in read:
             read["via"] = via_in(read["via"])

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.errors import SceneError, shown
+from deltaopt.errors import SceneError, inside, shown
 from deltaopt.files.regular_file import content_of
 from deltaopt.files.units import LENGTH, Misread
 from deltaopt.files.yaml_file import place_of, read_yaml
@@ -79,10 +79,8 @@ def made_of(content: Mapping[str, object], file: Path) -> Scene | Cycle:
 
     Raises SceneError, naming file and key, if it cannot be used.
     """
-    try:
+    with inside(file=file, key="robot"):
         robot = Robot.model_validate(content.get("robot"))
-    except SceneError as error:
-        raise error.inside(file=file, key="robot") from None
     return (_cycle if "cycle" in content else _single)(file, {**content, "robot": robot})
 
 

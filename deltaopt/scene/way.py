@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from deltaopt.errors import SceneError
+from deltaopt.errors import SceneError, inside
 from deltaopt.files.units import WIDTH
 from deltaopt.files.validated_record import Positive, Record, Vector3
 from deltaopt.limits.limit import Column
@@ -72,10 +72,8 @@ def _point_in(number: int, content: Any) -> Any:
         return content
     if set(content) == {"at"}:
         return content["at"]
-    try:
+    with inside(key=f"via[{number}]"):
         return Near.model_validate(dict(content))
-    except SceneError as error:
-        raise error.inside(key=f"via[{number}]") from None
 
 
 def via_point(given: Via) -> Boundary:

@@ -151,7 +151,7 @@ class _Shooting:
 
     def _at_rest(self, a: int) -> tuple[int | None, ...]:
         """For each motor the one whose θ̈ = 0 its torque keeps up; None if its torque is given."""
-        velocity = self.rows.velocity
+        velocity = self.rows.state(1)
         holding = [] if velocity is None else velocity.holding.tolist()
         return tuple(
             holding.index(row) if row in holding else None for row in self.active.row[a].tolist()

@@ -123,28 +123,21 @@ class ConstraintRows:
         return np.asarray(np.flatnonzero(self.constraints.is_control))
 
     @cached_property
-    def position(self) -> StateRows | None:
-        """Indices of the rows of position limits; None if positions are not limited, or not so that
-        arcs can hold the limits."""
-        own, m = self.constraints.of_order(0), self.motors
-        if not len(own) or not self.can_be_held:
-            return None
-        rates = self.of_limits + np.arange(m)
-        return StateRows(0, (own, rates, m + rates))
-
-    @cached_property
-    def velocity(self) -> StateRows | None:
-        """Indices of the rows of velocity limits; None as for ``position``."""
-        own, m = self.constraints.of_order(1), self.motors
-        if not len(own) or not self.can_be_held:
-            return None
-        before = 0 if self.position is None else 2 * m
-        return StateRows(1, (own, self.of_limits + before + np.arange(m)))
-
-    @property
     def states(self) -> tuple[StateRows, ...]:
-        """Indices of the rows of all state limits, those of the highest order first."""
-        return tuple(rows for rows in (self.velocity, self.position) if rows is not None)
+        """Indices of the rows of all state limits, those of the highest order first; none if arcs
+        cannot hold the limits. Derivatives by time of positions come before those of velocities."""
+        found, end, m = list[StateRows](), self.of_limits, self.motors
+        for order in (0, 1) if self.can_be_held else ():
+            own = self.constraints.of_order(order)
+            if len(own):
+                rates = [end + k * m + np.arange(m) for k in range(2 - order)]
+                found.append(StateRows(order, (own, *rates)))
+                end += len(rates) * m
+        return tuple(found[::-1])
+
+    def state(self, order: int) -> StateRows | None:
+        """Those of the position limits (order 0) or of the velocity limits (1), if there are."""
+        return next((rows for rows in self.states if rows.order == order), None)
 
     def values(self, y: Array, p: Array) -> Array:
         """All rows at instants y (N, 3 m), as (N, rows)."""

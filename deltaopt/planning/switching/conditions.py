@@ -176,7 +176,7 @@ class OptimalityConditions:
     def bounded(self) -> Index:
         """Indices of the rows that a barrier may bound: controls and velocities. Positions are left
         to the active-set update."""
-        velocity = self.rows.velocity
+        velocity = self.rows.state(1)
         of_state = [] if velocity is None else [velocity.value]
         return np.concatenate([self.rows.control, *of_state])
 
@@ -193,7 +193,7 @@ class OptimalityConditions:
             return within
         within[..., :m] = self.active.is_singular()[mesh.arc][:, None]
         within[..., m : 2 * m] = self.active.follows[mesh.arc][:, None]
-        if self.rows.velocity is not None:
+        if self.rows.state(1) is not None:
             active = self.structure.velocity[mesh.arc] != 0
             within[..., 2 * m :] = ~active[:, None]
             within[0, 0, 2 * m :] = within[-1, -1, 2 * m :] = False

@@ -122,7 +122,7 @@ class SwitchResolver:
     def _barriers(self, structure: SwitchingStructure) -> tuple[float, ...]:
         """Without one first; then with, where there is anything to be kept within limits."""
         active = ActiveRows.of(self.rows, structure)
-        if self.rows.velocity is None and not (active.singular or active.follows.any()):
+        if self.rows.state(1) is None and not (active.singular or active.follows.any()):
             return (0.0,)
         return 0.0, self.tolerance / 10
 

@@ -77,7 +77,7 @@ def test_rows_are_those_of_the_model(cross):
     tau = model.inverse_dynamics(x, v, a) / limits.upper("torque")
     np.testing.assert_allclose(rows[:, constraints.control], tau, rtol=1e-9, atol=1e-12)
     above = model.alignments(x) - 0.01
-    position, velocity = constraints.position, constraints.velocity
+    position, velocity = constraints.state(0), constraints.state(1)
     np.testing.assert_allclose(rows[:, position.value] + 1, above, rtol=1e-9)
     speed = model.motion(x, v, a)[1][:, 3::3] / limits.upper("speed")
     np.testing.assert_allclose(rows[:, velocity.value], speed, rtol=1e-9, atol=1e-12)
