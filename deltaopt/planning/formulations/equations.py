@@ -91,9 +91,8 @@ def _redundant(
     y, X, V, A, _, _ = symbols(system.n, 0)
     f, df, _ = closed(system, X, V)
     second = ca.Function("second", [m.q, m.dq, m.ddq, m.parameters], [m.J @ m.ddq + m.J_bias])
-    ddf = (
-        second(u.q * X, u.q * V, u.q * A, m.parameters) / u.closure
-    )  # whatever the unit of time is
+    # Whatever the unit of time is.
+    ddf = second(u.q * X, u.q * V, u.q * A, m.parameters) / u.closure
     rows = ddf + closure.feedback(f, df)
     return Equations(
         system,
