@@ -63,8 +63,7 @@ class Attempt:
 
     ``scene``: the scene, perhaps with more limits than were asked for. ``motion``: the first
     motion. ``intervals``: of the first mesh. ``proposal``: what the first motion is, in words.
-    ``torque_share``: the part of torque limits that meshes may use, so that what is exceeded
-    between their points stays below the whole. ``is_near``: whether the first motion is the best
+    ``is_near``: whether the first motion is the best
     one on another mesh. ``on_twice_its_mesh``: whether the first mesh has the knots of the motion
     and the middles between them, in place of as many equal intervals as are given. ``most``: the
     duration of a plan that is known, s; the attempt ends where it will not undercut it.
@@ -74,7 +73,6 @@ class Attempt:
     motion: Trajectory
     intervals: int
     proposal: str = "a first motion"
-    torque_share: float = 1.0
     is_near: bool = False
     on_twice_its_mesh: bool = False
     most: float = inf
@@ -97,8 +95,6 @@ class Attempt:
         given = self.scene.given("parallel_singularity")
         if given:
             parts.append(f"at a distance of {given:.2g} from the parallel singularity")
-        if self.torque_share < 1:
-            parts.append(f"with {self.torque_share:.2%} of the torques")
         return ", ".join(parts)
 
     def scaling(self, motion: Trajectory, time: float) -> Scaling:
@@ -106,7 +102,7 @@ class Attempt:
         motion goes where an end moves or there are phases, otherwise the distance of the ends."""
         problem = self.problem
         extent = None if problem.is_at_rest and not problem.gates else motion.extent
-        return Scaling(problem, time, extent=extent, torque_share=self.torque_share)
+        return Scaling(problem, time, extent=extent)
 
     @property
     def away(self) -> Attempt | None:

@@ -45,12 +45,11 @@ from deltaopt.planning.first_motions.passages import paths_of_lines
 from deltaopt.planning.journal import Journal
 from deltaopt.planning.mesh.kept_limits import KEPT
 from deltaopt.planning.plan import Plan, plan_as_it_is, quicker
-from deltaopt.planning.trajectory_optimiser import HeldByMotion, TrajectoryOptimiser, safe
+from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser, safe
 from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
 from deltaopt.scene.feasibility import (
-    limit_room_at_ends,
     require_links_clear,
     require_state,
     room_at_rest,
@@ -75,10 +74,6 @@ _MAY_HELP = (
     "another number of intervals, a looser tolerance or more starts may lead to one, for no search "
     "is complete"
 )
-_TORQUE_KEPT = (3e-4, 1e-3, 1e-2)
-"""Parts of the torque limits that meshes leave unused where gravity takes almost all of them
-somewhere, so that slowing cannot make up for what is exceeded between points; at most half of what
-gravity leaves at start and goal. The gap counts what it costs."""
 _RETRY_HALVES = 3
 """A plan that misses a tolerance below ``RESOLVED_BELOW`` is made once more from a first mesh of
 3/2 as many intervals. Which switching structure is detected and which intervals are split depends
@@ -253,18 +248,6 @@ def _kept_away(_: TrajectoryOptimiser, attempt: Attempt, outcome: Outcome) -> At
     return attempt.away
 
 
-def _leaving_torque(kept: float) -> Remedy:
-    """With this part of the torque limits left unused."""
-
-    def changed(_: TrajectoryOptimiser, attempt: Attempt, outcome: Outcome) -> Attempt | None:
-        if not isinstance(outcome, HeldByMotion):
-            return None
-        room = limit_room_at_ends(attempt.scene) / 2
-        return replace(attempt, torque_share=1 - min(kept, room))
-
-    return changed
-
-
 def _from_another_mesh(
     optimiser: TrajectoryOptimiser, attempt: Attempt, outcome: Outcome
 ) -> Attempt | None:
@@ -278,7 +261,7 @@ def _from_another_mesh(
     return replace(attempt, intervals=_RETRY_HALVES * attempt.intervals // 2)
 
 
-_REMEDIES = (_kept_away, *map(_leaving_torque, _TORQUE_KEPT), _from_another_mesh)
+_REMEDIES = (_kept_away, _from_another_mesh)
 """In this order, each after what came of those before."""
 
 

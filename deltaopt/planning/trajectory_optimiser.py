@@ -86,10 +86,6 @@ _TRIAL_TOLERANCE = 1e-2
 the duration is then within 0.3 %, less than a coarse mesh tells."""
 
 
-class HeldByMotion(NotConverged):
-    """Somewhere the motion found needs its speed to keep a limit that is exceeded at rest."""
-
-
 @dataclass(frozen=True)
 class TrajectoryOptimiser:
     """Finds the best motion of a scene that can be reached from a first one.
@@ -322,7 +318,7 @@ def safe(scene: Scene, trajectory: Trajectory, factor: float, status: str) -> Tr
     Raises NotConverged where no factor does.
     """
     if isinf(factor):
-        raise HeldByMotion(
+        raise NotConverged(
             "a limit is exceeded at rest, such as a torque limit by gravity alone, somewhere "
             "between the points of every mesh",
             status,

@@ -157,12 +157,6 @@ def room_at_rest(scene: Scene, points: Array) -> Array:
     return np.where(np.isfinite(room), room, -1.0)
 
 
-def limit_room_at_ends(scene: Scene) -> float:
-    """The least share of a limit that rest at start and goal leaves unused."""
-    _, rows, _ = _evaluated(scene, np.array(scene.given_points))
-    return float(1 - np.abs(rows).max())
-
-
 def are_surely_feasible(scene: Scene, points: Array) -> NDArray[np.bool]:
     """Whether the platform can be at rest at points, (N, 3), m, with room to spare, (N,): where it
     can not, a closer look may find that it just can."""

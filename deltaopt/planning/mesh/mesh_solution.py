@@ -375,7 +375,7 @@ class MeshSolution:
         ``shares``: of limits that slowing usually helps to keep, (N, rows).
         """
         long = self.mesh > longest_tightened(self.problem)
-        return isinf(self.safe_factor) or bool((shares[long] < self.scaling.torque_share).any())
+        return isinf(self.safe_factor) or bool((shares[long] < UNTIGHTENED).any())
 
     def _with_missed(self, size: Array, places: Truths) -> Array:
         """Sizes of all rows, with what samples between the points have missed of limits of

@@ -97,7 +97,7 @@ class Scaling:
     largest that the scene allows. ``share``: the part of
     each limit that a motion may use, one for all or by interval and row, (N, rows). ``kept``:
     indices of the scene's items of limits that are considered; None for all.
-    ``torque_share``: the part of torque limits that it may use at most, everywhere. ``faces``:
+    ``faces``:
     phases past edges; None where there are none. ``softening``: of friction; None where it is as it
     is.
     """
@@ -105,7 +105,6 @@ class Scaling:
     problem: Problem
     time: float
     share: Array | float = UNTIGHTENED
-    torque_share: float = 1.0
     kept: tuple[int, ...] | None = None
     extent: float | None = None
     faces: FacePhases | None = None
@@ -158,10 +157,7 @@ class Scaling:
 
     def shares(self, intervals: int) -> Array:
         """The part of each limit that may be used in each interval, (N, rows)."""
-        shares = np.broadcast_to(self.share, (intervals, self.constraints.number))
-        if self.torque_share == 1:
-            return shares
-        return np.where(self.constraints.is_control, np.minimum(shares, self.torque_share), shares)
+        return np.broadcast_to(self.share, (intervals, self.constraints.number))
 
     def shares_at(self, intervals: int, fractions: Array) -> Array:
         """The part of each limit that may be used at fractions of the intervals, for Ipopt, (N,
