@@ -123,7 +123,7 @@ class MujocoReplay:
         return falls and self.order >= _LEAST_ORDER
 
 
-def replay_in_mujoco(trajectory: Trajectory, counts: Sequence[int] = STEPS) -> MujocoReplay:
+def replay_in_mujoco(trajectory: Trajectory, counts: Sequence[int] | None = None) -> MujocoReplay:
     """Replay a motion of a robot with rising numbers of steps, two at least; ``STEPS`` by default.
 
     Raises MissingPackage.
@@ -131,5 +131,6 @@ def replay_in_mujoco(trajectory: Trajectory, counts: Sequence[int] = STEPS) -> M
     model = trajectory.model
     start = vector3(trajectory.path_inside([0.0])[0][0])
     there = InMujoco(as_delta(model.robot), model.payload, start)
+    counts = counts or STEPS
     misses = tuple(there.miss(trajectory, count) for count in counts)
     return MujocoReplay(tuple(trajectory.duration / count for count in counts), misses)
