@@ -7,6 +7,7 @@ whose lanes are four points: a processor with AVX evaluates four points in the t
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -80,17 +81,20 @@ def c_function(function: ca.Function, name: str, *, shared_reciprocals: bool = F
     """
     arguments = {f"x{i}": "const V *" for i in range(function.n_in())}
     arguments |= {f"r{i}": "V *" for i in range(function.n_out())}
-    number, operands = function.n_instructions(), _operands(function)
+    instructions = _instructions(function)
+    number = len(instructions)
     parts = [range(k, min(k + PART, number)) for k in range(0, number, PART)]
-    used_later = (j for part in parts for k in part for j in operands[k] if j < part.start)
+    used_later = (
+        j for part in parts for k in part for j in instructions[k].operands if j < part.start
+    )
     kept = {j: f"w[{place}]" for place, j in enumerate(dict.fromkeys(used_later))}
     bodies = []
     for part in parts:
-        reciprocals = _shared_divisors(function, part, operands) if shared_reciprocals else {}
+        reciprocals = _shared_divisors(instructions, part) if shared_reciprocals else {}
         lines = []
         for k in part:
-            values = [f"v{j}" if j in part else kept[j] for j in operands[k]]
-            lines += _instruction(function, k, values, reciprocals.get(k))
+            values = [f"v{j}" if j in part else kept[j] for j in instructions[k].operands]
+            lines += _c_lines(function, k, instructions[k], values, reciprocals.get(k))
             lines += [f"{kept[k]} = v{k};"] if k in kept else []
         bodies.append(lines)
     if len(bodies) == 1:
@@ -114,44 +118,57 @@ def _head(name: str, arguments: Mapping[str, str]) -> str:
     return f"{name}({', '.join(kind + argument for argument, kind in arguments.items())})"
 
 
-def _operands(function: ca.Function) -> list[tuple[int, ...]]:
-    """For each instruction those whose results it takes."""
-    operands, last = list[tuple[int, ...]](), dict[int, int]()  # last: which wrote to a place
+class _Instruction(NamedTuple):
+    """One operation of a CasADi function.
+
+    ``to``, ``by``: the places of its result and of what it takes, as CasADi counts them.
+    ``operands``: the instructions whose results it takes.
+    """
+
+    operation: int
+    to: Sequence[int]
+    by: Sequence[int]
+    operands: tuple[int, ...]
+
+
+def _instructions(function: ca.Function) -> list[_Instruction]:
+    """The operations of a function, each asked for once: to ask takes longer than to write."""
+    found, last = list[_Instruction](), dict[int, int]()  # last: which wrote to a place
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
+        to, by = function.instruction_output(k), function.instruction_input(k)
         given = operation in (ca.OP_INPUT, ca.OP_CONST)
-        operands.append(() if given else tuple(last[i] for i in function.instruction_input(k)))
+        operands = () if given else tuple([last[i] for i in by])
+        found.append(_Instruction(operation, to, by, operands))
         if operation != ca.OP_OUTPUT:
-            last[function.instruction_output(k)[0]] = k
-    return operands
+            last[to[0]] = k
+    return found
 
 
-def _shared_divisors(
-    function: ca.Function, part: range, operands: list[tuple[int, ...]]
-) -> dict[int, int]:
+def _shared_divisors(instructions: Sequence[_Instruction], part: range) -> dict[int, int]:
     """For each division of a part by what divides something else there too: the first division by
     the same."""
     divisions: dict[int, list[int]] = {}
     for k in part:
-        if function.instruction_id(k) == ca.OP_DIV:
-            divisions.setdefault(operands[k][1], []).append(k)
+        if instructions[k].operation == ca.OP_DIV:
+            divisions.setdefault(instructions[k].operands[1], []).append(k)
     return {k: same[0] for same in divisions.values() if len(same) > 1 for k in same}
 
 
-def _instruction(function: ca.Function, k: int, values: list[str], first: int | None) -> list[str]:
-    """C text of an instruction; ``first``: the first division by the same divisor, which is
-    inverted there."""
-    operation, to = function.instruction_id(k), function.instruction_output(k)
-    if operation == ca.OP_INPUT:
-        by = function.instruction_input(k)
-        return [f"const V v{k} = x{by[0]}[{by[1]}];"]
-    if operation == ca.OP_OUTPUT:
-        return [f"r{to[0]}[{to[1]}] = {values[0]};"]
-    if operation == ca.OP_CONST:
+def _c_lines(
+    function: ca.Function, k: int, own: _Instruction, values: list[str], first: int | None
+) -> list[str]:
+    """C text of the k-th instruction of a function; ``first``: the first division by the same
+    divisor, which is inverted there."""
+    if own.operation == ca.OP_INPUT:
+        return [f"const V v{k} = x{own.by[0]}[{own.by[1]}];"]
+    if own.operation == ca.OP_OUTPUT:
+        return [f"r{own.to[0]}[{own.to[1]}] = {values[0]};"]
+    if own.operation == ca.OP_CONST:
         return [f"const V v{k} = ALL({function.instruction_constant(k)!r});"]
     if first is not None:
         inverted = [f"const V i{k} = 1 / {values[1]};"] if k == first else []
         return [*inverted, f"const V v{k} = {values[0]} * i{first};"]
-    if operation not in _C:
-        raise DeltaOptError(f"operation {operation} of {function.name()} has no C text")
-    return [f"const V v{k} = {_C[operation].format(*values)};"]
+    if own.operation not in _C:
+        raise DeltaOptError(f"operation {own.operation} of {function.name()} has no C text")
+    return [f"const V v{k} = {_C[own.operation].format(*values)};"]
