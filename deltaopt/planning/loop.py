@@ -287,11 +287,12 @@ def _kept(scene: Scene, motion: Trajectory) -> Trajectory | None:
 
 
 def _in_given_time(scene: Scene, motion: Trajectory) -> Trajectory | None:
-    """A motion that keeps all limits, slowed to the duration that is given, if one is, or a share
-    of its own; None where it takes longer, or does not keep them, as where an end moves."""
-    given = scene.objective.after(motion.duration).given_duration
+    """A motion that keeps all limits, slowed to the duration that is given, if one is; None where
+    it takes longer, or does not keep them, as where an end moves, and where a share of the fastest
+    motion's duration is asked for, which is not known here."""
+    given = scene.objective.given_duration
     if given is None:
-        return motion
+        return None if scene.objective.is_share else motion
     if motion.duration > given or not problem_of(scene).is_at_rest:
         return None
     slowed = motion.slowed(given / motion.duration)

@@ -172,15 +172,15 @@ class Run(Loop):
         return found if is_clear(scene, found.trajectory) else None
 
     def _at_least_cost(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan | None:
-        """Plan for another objective than time past bodies: from the usual first motions; where a
-        share of the fastest motion's duration is asked for, or these lead to none near an optimum,
-        from that motion, near which the best is: over edges the fastest from each alone may be far
-        slower. None without bodies."""
-        if not limits_of(scene).constraints.has_convex:
+        """Plan for another objective than time past bodies, or in a share of the fastest motion's
+        duration: from the usual first motions; where these lead to none near an optimum, and past
+        bodies in such a share, from the fastest motion of all, near which the best is: over edges
+        the fastest from each first motion alone may be far slower. None otherwise."""
+        past_bodies, is_share = limits_of(scene).constraints.has_convex, scene.objective.is_share
+        if not (past_bodies or is_share):
             return None
-        is_share = not scene.objective.weights[0] and scene.objective.given_duration is None
         planned = partial(self._plan_by_limits, scene, under_way)
-        usual = None if is_share else if_possible(NO_PLAN, planned)
+        usual = None if past_bodies and is_share else if_possible(NO_PLAN, planned)
         if usual is not None and usual.gap <= _NEARLY:
             return usual
         tolerance = max(self.optimiser.tolerance, USUAL)

@@ -58,6 +58,11 @@ class _Weighted(Record):
         return None
 
     @property
+    def is_share(self) -> bool:
+        """Whether the duration of the motion is a share of the fastest one's."""
+        return not self.weights[0] and self.given_duration is None
+
+    @property
     def motors(self) -> Vector3:
         """The weights of the motors in a weighted effort, 1/(N²m²); of no account in others."""
         return 1.0, 1.0, 1.0

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from deltaopt import load_scene, plan, verify
+from deltaopt import SmoothMotion, load_scene, plan, verify
 from deltaopt.errors import NotConverged
 from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.first_motions.initial_motion import line
@@ -69,6 +69,15 @@ def test_it_is_improved_where_the_method_succeeds_from_it(name, monkeypatch):
     found = plan(scene)
     assert verify(scene, found.trajectory).ok
     assert best.duration / (1 + best.gap) <= found.duration < 1.01 * best.duration
+
+
+def test_a_share_of_the_fastest_is_not_one_of_a_slow_motion():
+    """Hardly slower than the fastest there is no time for the ramps of a coarse mesh."""
+    fastest = load_scene(PROBLEMS / "long_diagonal.yaml")
+    objective = SmoothMotion(of_fastest=1.00001)
+    found = plan(fastest.model_copy(update={"objective": objective}), intervals=4, tolerance=1e-2)
+    assert found.duration == pytest.approx(plan(fastest).duration, rel=3e-3)
+    assert found.within_tolerance
 
 
 def test_the_gap_that_is_told_is_not_too_small(monkeypatch, request):

@@ -134,15 +134,18 @@ class Meetings:
 
 def not_found(scene: Scene, tried: int) -> str:
     """That no motion was found by attempts, so many ``tried`` in vain: in words of the goal, if
-    that moves or is passed."""
+    that moves or is passed, and of the duration, if one is given."""
     goal, sought = scene.task.goal, ""
+    given = scene.objective.given_duration
+    in_time = "" if given is None else f" of {given:.6g} s"
     if goal.moves:
         allowed = Meetings.of(scene, goal).in_words
         sought = f" that meets {goal.description}, which positions and speeds allow {allowed}"
     elif not goal.is_anywhere and goal.velocity != REST:
         sought = f" that passes {goal.description}, a point that stands still"
     attempts = "one attempt was made" if tried == 1 else f"{tried} attempts were made"
-    return f"no motion was found{sought}; {attempts}, and none led to one that keeps all limits"
+    none = f"no motion{in_time} was found{sought}"
+    return f"{none}; {attempts}, and none led to one that keeps all limits"
 
 
 def _times_within(goal: Boundary, radius: float) -> Array:
