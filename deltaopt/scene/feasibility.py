@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import Array, RowFunction
 from deltaopt.errors import Infeasible, Singular, Unreachable, in_words
-from deltaopt.files.validated_record import Vector3
+from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import CoordinateInstant
@@ -84,6 +84,16 @@ def require_links_clear(scene: Scene, name: str, point: Vector3) -> None:
             f"{name}: at {in_words(point)} m {name_of(link)} is {-1e3 * rooms[link, body]:.4g} mm "
             f"too near to {scene.keep_out[body].named(body)}"
         )
+
+
+def require_ride(scene: Scene, name: str, places: Array, velocity: Vector3) -> None:
+    """Raise as ``require_state`` if the platform cannot be at one of many places, (N, 3), m, where
+    a belt carries it at a velocity, m/s; and if a link that is to keep clear does not."""
+    doubtful = ~_surely(scene, places, np.broadcast_to(velocity, places.shape))
+    for place in places[doubtful]:
+        require_state(scene, name, Boundary(vector3(place), velocity), is_given=False)
+    for place in places if scene.robot_keeps_clear and scene.keep_out else ():
+        require_links_clear(scene, name, vector3(place))
 
 
 def _require_sphere(scene: Scene, number: int, sphere: Boundary) -> None:

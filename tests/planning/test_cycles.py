@@ -298,6 +298,31 @@ def test_a_dwell_on_a_belt_is_verified_as_a_motion():
     assert any(each.startswith("dwell after leg 1: ") and "clearance" in each for each in failures)
 
 
+def test_a_dwell_on_a_belt_through_a_body_is_refused():
+    onto, off = belt_cycle()[0].legs
+    whole = plan_cycle(Cycle(legs=(onto, off), dwells=(0.3, 0.0), rms_torque="none"))
+    x, _, z = whole.legs[0].reached + 0.15 * np.array(onto.goal.belt)
+    plate = {"box": {"from": (x - 0.01, 0.1, z - 1e-3), "to": (x + 0.01, 0.2, z + 1e-3)}}
+    past = {"keep_out": (Body.model_validate(plate),)}
+    legs = tuple(leg.model_copy(update=past) for leg in (onto, off))
+    with pytest.raises(Infeasible, match=r"the dwell after leg 1: .* the clearance of tool is -"):
+        plan_cycle(Cycle(legs=legs, dwells=(0.3, 0.0), rms_torque="none"))
+
+
+def test_motors_cool_in_a_wait_where_no_speed_keeps_them_cool():
+    """In the first dwell one motor holds more than its limit. With a second dwell of 0.6 s that is
+    given the limit is kept; without it the robot may wait as long."""
+    out = Scene(robot=INDUSTRIAL, start=(0.75, 0.0, 0.0), goal=(0.85, 0.1, 0.0), payload=1.0)
+    back = Scene(robot=INDUSTRIAL, start=(0.85, 0.1, 0.0), goal=(0.75, 0.0, 0.0))
+    given = plan_cycle(Cycle(legs=(out, back), dwells=(0.3, 0.6), rms_torque=3.3))
+    found = plan_cycle(Cycle(legs=(out, back), dwells=(0.3, 0.3), rms_torque=3.3))
+    assert verified(found).ok
+    assert max(found.rms_torque) <= 3.3 + 1e-9
+    assert found.dwells[1] > 0.3
+    assert given.period / (1 + given.gap) <= found.period * (1 + 1e-6)
+    assert found.period < 1.01 * given.period
+
+
 def test_what_rules_a_leg_out_has_its_number():
     onto, off = belt_cycle()[0].legs
     with pytest.raises(Infeasible, match="leg 2: start: the platform cannot be at"):

@@ -60,6 +60,7 @@ def plan_cycle(
     fastest = sought.planned(Time(), None)
     tell(f"legs as fast as possible: {fastest.in_words}")
     if cycle.period is None and sought.is_kept(fastest):
+        sought.require_rides(fastest)
         least = sought.bound([Round(np.zeros(3), fastest)], [])
         return replace(fastest, gap=_above(fastest.period, least))
     sought.require_priced(fastest)
@@ -96,6 +97,7 @@ def plan_cycle(
             prices = sought.next(prices, excess, slopes)
     if best is None:
         raise Infeasible(sought.why_not(found))
+    sought.require_rides(best)
     saved = sought.gained(rounds[-1].prices)
     return replace(best, gap=max(0.0, gap), prices=saved, rounds=number)
 

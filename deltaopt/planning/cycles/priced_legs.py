@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import inf
 
 import numpy as np
 
@@ -25,8 +26,10 @@ from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.cycles.prices import next_prices
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import Planner
+from deltaopt.problem.boundary import REST
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.cycle import Cycle
+from deltaopt.scene.feasibility import require_ride
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import Objective, TimeAndEfforts
 
@@ -53,6 +56,9 @@ _WAITS = 9
 _SLOWEST, _USED_UP, _TRIALS = 20.0, 1e-7, 40
 """Most by which legs are slowed so that motors stay cool; how much they are left cooler than that;
 and how many factors are tried."""
+
+_PLACES = 101
+"""Along a dwell on a belt, where the robot is looked at."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +129,7 @@ class PricedLegs:
             begins += legs[-1].duration + dwell
             start = cycle.after(index, legs[-1].reached)
         found = CyclePlan(cycle, tuple(legs), dwells, tolerance=self.tolerance)
-        return self._with_waits(found)
+        return found if cycle.period is None else self._with_waits(found)
 
     def excess(self, found: CyclePlan) -> Array:
         """How far what has a price is above what is aimed at, in the order of the prices: in the
@@ -142,32 +148,39 @@ class PricedLegs:
         return in_time and bool((found.squares <= self.limits * found.period).all())
 
     def slowed(self, found: CyclePlan) -> CyclePlan | None:
-        """The cycle with all legs slowed alike, until motors stay cool or a given period is over;
-        None where that does not help, or legs end moving.
+        """The cycle with all legs slowed alike and a wait, so that motors stay cool or a given
+        period is over; None where that does not help, or legs end moving.
 
         Near the best prices that costs less than little: slowing changes what the legs cost then by
         the square of the factor alone, as far as it changes what they cost for nothing.
         """
         if any(not problem_of(leg.scene).is_at_rest for leg in found.legs):
             return found if self.is_kept(found) else None
+        found = replace(found, dwells=self.cycle.least_dwells)
         if self.cycle.period is not None:
-            factor = (self.cycle.period - self.dwelt) / (found.at_work - self.dwelt)
-            factors = np.geomspace(1.0, max(1.0, factor), _WAITS)
-            slowed = (self._by(float(each), found) for each in factors)
-            possible = [each for each in slowed if each and self.is_kept(each)]
-            return min(possible, key=self.value, default=None)
+            slowest = (self.cycle.period - self.dwelt) / (found.at_work - self.dwelt)
+        else:
+            slowest = self._cool(found)
+        factors = np.geomspace(1.0, max(1.0, slowest), _WAITS)
+        slowed = (self._by(float(each), found) for each in factors)
+        possible = [each for each in slowed if each and self.is_kept(each)]
+        return min(possible, key=self.value, default=None)
+
+    def _cool(self, found: CyclePlan) -> float:
+        """The factor by which all legs are slowed until motors stay cool without a longer wait, or
+        the largest that is tried."""
         factor, last = 1.0, (0.0, 0.0)
         for _ in range(_TRIALS):
-            if factor > _SLOWEST:
-                return None
             slower = _slower(factor, found)
             over = float(np.log(slower.squares / (self.limits * slower.period)).max()) + _USED_UP
             if -_USED_UP < over < 0.9 * _USED_UP or (over < 0 and factor == 1):
-                return self._by(factor, found)
+                return factor
             slope = (over - last[1]) / (np.log(factor) - last[0]) if last[1] else -4.0
             last = np.log(factor), over
             factor = max(1.0, factor * float(np.exp(np.clip(-over / min(slope, -0.1), -1, 1))))
-        return None
+            if factor > _SLOWEST:
+                break
+        return _SLOWEST
 
     def exchanged(self, best: CyclePlan, tried: list[CyclePlan]) -> CyclePlan:
         """A cycle that is better than the ``best`` by legs of others that were tried: where the
@@ -214,19 +227,19 @@ class PricedLegs:
         return self._with_waits(_slower(factor, found))
 
     def _with_waits(self, found: CyclePlan) -> CyclePlan:
-        """A cycle that waits for what is left of a given period where that costs the least heat.
-
-        In a free period waiting does not pay: it is part of the Lagrangian at the price of time and
-        of the torques that hold the robot, which is more than nothing.
-        """
+        """A cycle that waits where that costs the least heat for what is left of a given period, or
+        in a free one until its motors are cool, if they become so."""
         dwells = list(self.cycle.least_dwells)
+        held = {k: squared_torques(found.wait_after(k, 1.0)) for k in self.cycle.free_dwells}
         if self.cycle.period is not None:
-            held = {
-                index: float(squared_torques(found.wait_after(index, 1.0)) @ self.heat)
-                for index in self.cycle.free_dwells
-            }
             left = max(0.0, round(self.cycle.period - found.at_work, _DIGITS))
-            dwells[min(held, key=held.__getitem__)] += left
+            dwells[min(held, key=lambda k: float(held[k] @ self.heat))] += left
+        else:
+            over = found.squares - self.limits * found.period
+            cooled = {k: np.maximum(self.limits - each, 0) for k, each in held.items()}
+            waits = {k: _largest_ratio(over, each) for k, each in cooled.items()}
+            least = min(waits, key=waits.__getitem__)
+            dwells[least] += waits[least] if waits[least] < inf else 0.0
         return replace(found, dwells=tuple(dwells))
 
     def value(self, found: CyclePlan) -> float:
@@ -314,6 +327,14 @@ class PricedLegs:
                 expected = "a tube beside it, for motors would run too hot at full speed"
                 raise SceneError(None, f"cycle[{index}].path", str(scene.path), expected)
 
+    def require_rides(self, found: CyclePlan) -> None:
+        """Raise what rules it out that the robot moves along with belts while it dwells."""
+        for index, (leg, wait) in enumerate(zip(found.legs, found.waits, strict=True)):
+            velocity = self.cycle.velocity_after(index)
+            if wait is not None and velocity != REST:
+                places = wait.position.at(np.linspace(0.0, wait.duration, _PLACES))
+                require_ride(leg.scene, f"the dwell after leg {index + 1}", places, velocity)
+
     def why_not(self, found: CyclePlan) -> str:
         """Why no cycle was found that keeps all limits, from the last round."""
         allowed = ", ".join(f"{each:.4g}" for each in np.sqrt(self.limits))
@@ -334,6 +355,15 @@ def _named(index: int) -> Iterator[None]:
         raise Infeasible(f"leg {index + 1}: {error}") from error
     except NotConverged as error:
         raise NotConverged(f"leg {index + 1}: {error}", error.status, error.iterate) from error
+
+
+def _largest_ratio(over: Array, cooled: Array) -> float:
+    """How long it takes until nothing is ``over``, (3,), of which so much is ``cooled`` in a
+    second, (3,), s; infinite where nothing is."""
+    if not (over > 0).any():
+        return 0.0
+    with np.errstate(divide="ignore"):
+        return float((over[over > 0] / cooled[over > 0]).max() * (1 + _USED_UP))
 
 
 def _slower(factor: float, found: CyclePlan) -> CyclePlan:
