@@ -36,8 +36,9 @@ from deltaopt.scene.objective import Objective, TimeAndEfforts
 _LEGS_SHARE = 0.5
 """Of the tolerance: the gap of each leg. The rest is for prices that are not quite right."""
 _SPARED = 0.2
-"""Of the tolerance: by what share less of the squared torques is aimed at, about, where legs that
-end moving cannot be slowed until the limits are kept."""
+"""Of the tolerance: by what share less is aimed at, about, of squared torques where legs that end
+moving cannot be slowed until the limits are kept, and of a given period, which legs that take
+longer do not keep, however little it is."""
 _EXCHANGED = 0.05
 """Of the tolerance: by what share a cycle is to become better for a leg to be exchanged."""
 _LEAST_SHARE = 0.05
@@ -134,12 +135,13 @@ class PricedLegs:
     def excess(self, found: CyclePlan) -> Array:
         """How far what has a price is above what is aimed at, in the order of the prices: in the
         powers that fall in proportion to prices where slower motions have the same shape."""
+        spared = 1 + _SPARED * self.tolerance
         used = (found.squares / (self.limits * found.period)) ** (4 / 3)
         if any(leg.moves_at_ends for leg in self.cycle.legs):
-            used = used * (1 + _SPARED * self.tolerance)
+            used = used * spared
         if self.cycle.period is not None:
             allowed = self.cycle.period - self.dwelt
-            used = np.append(((found.at_work - self.dwelt) / allowed) ** 4, used)
+            used = np.append(((found.at_work - self.dwelt) / allowed) ** 4 * spared, used)
         return np.asarray(1 - 1 / np.maximum(used, _LEAST_USED))
 
     def is_kept(self, found: CyclePlan) -> bool:
