@@ -54,6 +54,9 @@ _BENDS = 100.0
 the largest torque over the duration."""
 _KNOTS = 64
 """Pieces of a motion that is stretched."""
+_WAITS_ABOVE = 2.0
+"""How many times longer than the fastest motion one of least time and effort takes about, for
+motions that wait to be guesses of it: shorter ones have no time for that."""
 _ROUGHLY = 1e-4
 """Relative tolerance to which first guesses are solved that are compared."""
 
@@ -150,8 +153,10 @@ def beginnings(
     ``intervals``: of a move before or after a wait.
     """
     objective, waiting = scene.objective, list[Trajectory]()
-    if objective.given_duration and objective.rate is Running.EFFORT:
-        waiting = waiting_motions(scene, scaling.time)
+    if objective.rate in (Running.EFFORT, Running.WEIGHTED_EFFORT):
+        longer = _longer(scene, slowed.guess)
+        if objective.given_duration or longer > _WAITS_ABOVE:
+            waiting = waiting_motions(scene, longer * slowed.guess.duration)
     if not waiting:
         return [slowed]
     found, tried = list[tuple[float, Beginning]](), [[slowed]]
@@ -169,6 +174,17 @@ def beginnings(
                 break  # a mesh that is half as fine is for a guess that is not solved on the first
     found.sort(key=lambda each: each[0])
     return [*(begin for _, begin in found), slowed]
+
+
+def _longer(scene: Scene, motion: Trajectory) -> float:
+    """About how many times longer than the fastest ``motion`` one of least time and effort takes,
+    if slower ones have the same shape, and torques fall with the square of the speed; 1 of one in a
+    given duration."""
+    if scene.objective.given_duration is not None:
+        return 1.0
+    by_time = scene.objective.weights[0] * motion.duration
+    by_effort = cost_of(problem_of(scene), motion) - by_time
+    return float(max(1.0, 3 * by_effort / by_time) ** (1 / 4))
 
 
 def far_and_near(starts: Sequence[Beginning], together: int) -> Iterator[tuple[Beginning, bool]]:

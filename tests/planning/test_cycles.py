@@ -265,10 +265,10 @@ def test_a_cycle_that_starts_on_a_belt_is_the_one_that_starts_off_it():
 
 def test_what_is_left_of_a_period_is_waited_where_it_is_cool():
     """Held beside the middle two motors carry more than in it. Of a period that is four times as
-    long as it could be most is waited."""
+    long as it could be most is waited, where legs are led through points and wait nowhere else."""
     points = [(0.8, -0.4, 0.0), (0.8, 0.0, 0.0), (0.8, -0.2, 0.0)]
     legs = [
-        Scene(robot=INDUSTRIAL, start=a, goal=b, payload=1.0)
+        Scene(robot=INDUSTRIAL, start=a, goal=b, payload=1.0, via=((0.8, (a[1] + b[1]) / 2, 0.01),))
         for a, b in zip(points, points[1:] + points[:1], strict=True)
     ]
     found = plan_cycle(Cycle(legs=tuple(legs), dwells=("free",) * 3, period=3.0), tolerance=0.5)
@@ -280,6 +280,17 @@ def test_what_is_left_of_a_period_is_waited_where_it_is_cool():
     assert waited.max() > 0.1
     assert waited.argmax() == np.argmin(still)
     assert found.period == pytest.approx(3.0, rel=1e-12)
+    assert verified(found).ok
+
+
+def test_legs_of_a_long_period_go_where_little_torque_holds_the_arms():
+    """As the motion of least effort in half of the period does."""
+    out = Scene(robot=INDUSTRIAL, start=HERE, goal=THERE, payload=1.0)
+    back = Scene(robot=INDUSTRIAL, start=THERE, goal=HERE, payload=1.0)
+    found = plan_cycle(Cycle(legs=(out, back), period=1.0))
+    alone = plan(out.model_copy(update={"objective": Effort(duration=0.5)}))
+    assert found.squares.sum() == pytest.approx(2 * alone.cost, rel=1e-3)
+    assert found.gap <= 1e-3
     assert verified(found).ok
 
 

@@ -12,7 +12,7 @@ import pytest
 from numpy.polynomial import Polynomial
 
 import deltaopt
-from deltaopt import load_scene, plan, verify
+from deltaopt import Scene, load_scene, plan, verify
 from deltaopt.errors import Infeasible
 from deltaopt.limits.running_cost import Running
 from deltaopt.motion.running_cost import cost, running_cost
@@ -186,6 +186,16 @@ def test_none_is_beaten_by_one_of_another_duration():
         if verify(found.scene, same).ok:
             most = running_cost(problem_of(found.scene), same, Running.EFFORT) * (1 + 1e-3)
             assert found.cost <= most
+
+
+@pytest.mark.parametrize("weight", [0.015, 0.04])
+def test_a_weight_of_effort_leads_where_a_given_duration_does(weight):
+    """Slow motions go by way of a place where little torque holds the arms."""
+    scene = Scene(robot=CROSS.robot, payload=1.0, start=(0.85, -0.15, 0.0), goal=(0.85, 0.15, 0.0))
+    found = planned(scene.model_copy(update={"objective": TimeAndEffort(effort=weight)}))
+    other = planned(scene.model_copy(update={"objective": Effort(duration=0.55)}))
+    assert found.cost <= (other.duration + weight * other.cost) * (1 + 1e-3)
+    assert verify(found.scene, found.trajectory).ok
 
 
 @pytest.mark.parametrize("keep_out", [True, False])
