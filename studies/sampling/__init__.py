@@ -37,7 +37,7 @@ from studies.text_table import table
 from studies.timed import attempted, timed
 
 HELP = "OMPL, TOPP-RA and Ipopt in a chain, past bodies"
-SMALL = {"each": 1, "kinds": ("wall",), "seeds": 1, "margins": (0.004,), "prepares": False}
+SMALL = {"each": 1, "kinds": ("eight boxes",), "seeds": 1, "margins": (0.004,), "prepares": False}
 MARGINS = (0.004, 0.0005, 0.012, 0.035)
 """m, beyond what is asked for, in the order in which they are tried: a wider one leaves room for
 rounding, a narrower one for passages."""
