@@ -474,15 +474,15 @@ def _plan(robot: deltaopt.Robot, moves: int, *, resolved: bool) -> None:
             deltaopt.plan(scene, tolerance=1e-6)
             limits = deltaopt.Limits(speed=8.0, acceleration=200.0)
             deltaopt.plan(scene.model_copy(update={"limits": limits}))
-        _plan_on_paths(scene, i)
+        _plan_on_paths(scene, i, affine=resolved)
 
 
-def _plan_on_paths(scene: deltaopt.Scene, number: int) -> None:
-    """The same move on given paths of all kinds, one of which is curved in s̈."""
+def _plan_on_paths(scene: deltaopt.Scene, number: int, *, affine: bool) -> None:
+    """The same move on a path under limits curved in s̈ and, if wanted, those that are affine."""
     start, goal = np.array(given_points(scene.task))
     way = goal - start
     across = float(np.linalg.norm(way[1:]))
-    for limits in (None, deltaopt.Limits(acceleration=100.0)):
+    for limits in (deltaopt.Limits(acceleration=100.0), None)[: 1 + affine]:
         path: deltaopt.Line | deltaopt.PickAndPlace = deltaopt.Line()
         if number % 2:
             path = deltaopt.PickAndPlace(height=0.1 * across, blend=0.05 * across)

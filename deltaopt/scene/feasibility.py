@@ -257,10 +257,18 @@ def _too_near(scene: Scene, point: Vector3) -> Iterator[str]:
 def _measures(scene: Scene, end: Boundary) -> Array:
     """The measures of all limits with the platform in a state, (rows,), each in its unit."""
     model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
+    function = _measures_of(model.functions, limits.constraints)
     given = end.position, end.velocity, model.parameters, limits.numbers
-    x, v, p, numbers = (ca.SX(ca.DM(each)) for each in given)
-    motion = CoordinateInstant.general(model.functions, x, v, ca.SX.zeros(3), p, ca.SX.zeros(3))
-    return np.array(ca.DM(limits.constraints.measures(motion, numbers))).ravel()
+    return np.array(function(*given)).ravel()
+
+
+@lru_cache(maxsize=64)
+def _measures_of(functions: Functions, constraints: Constraints) -> ca.Function:
+    """(x, v, p, numbers of the limits) -> the measures of all limits, (rows,)."""
+    x, v, still = ca.SX.sym("x", 3), ca.SX.sym("v", 3), ca.SX.zeros(3)
+    p, numbers = functions.symbols(), constraints.numbers()
+    motion = CoordinateInstant.general(functions, x, v, still, p, still)
+    return ca.Function("measures", [x, v, p, numbers], [constraints.measures(motion, numbers)])
 
 
 def exceeded(scene: Scene, end: Boundary, orders: int = 3) -> Iterator[str]:

@@ -155,15 +155,13 @@ def test_more_time_needs_less_effort():
 
 
 def long(payload, duration):
-    scene = PICK.model_copy(update={"payload": payload, "objective": Effort(duration=duration)})
-    return plan(scene, tolerance=1e-3)
+    return planned(in_time(duration, PICK.model_copy(update={"payload": payload})))
 
 
-@pytest.mark.parametrize(("payload", "duration", "less"), [(None, 10, 1), (PICK.payload, 3, 2)])
+@pytest.mark.parametrize(("payload", "duration", "less"), [(None, 10, 1), (PICK.payload, 3, 1.5)])
 def test_a_long_motion_waits_where_little_torque_holds_it(payload, duration, less):
     """It is settled, keeps its limits, and costs little more than a shorter one."""
     found = long(payload, duration)
-    assert found.within_tolerance
     assert found.duration == pytest.approx(duration, rel=1e-14)
     assert found.cost == pytest.approx(
         running_cost(problem_of(found.scene), found.trajectory, Running.EFFORT), rel=1e-15
@@ -183,9 +181,8 @@ def test_none_is_beaten_by_one_of_another_duration():
     plans = [planned(in_time(T)) for T in (0.55, 0.8, 1.0, 1.5)]
     for found, other in permutations(plans, 2):
         same = other.trajectory.slowed(found.duration / other.duration)
-        if verify(found.scene, same).ok:
-            most = running_cost(problem_of(found.scene), same, Running.EFFORT) * (1 + 1e-3)
-            assert found.cost <= most
+        most = running_cost(problem_of(found.scene), same, Running.EFFORT) * (1 + 1e-3)
+        assert found.cost <= most or not verify(found.scene, same).ok
 
 
 @pytest.mark.parametrize("weight", [0.015, 0.04])

@@ -210,9 +210,8 @@ def _scatter(
     rows, columns = rows.ravel()[keep], columns.ravel()[keep]
     # Column-major order is that of CasADi's nonzeros.
     places, target = np.unique(columns * shape[0] + rows, return_inverse=True)
-    sparsity = ca.Sparsity.triplet(
-        *shape, [int(i) for i in places % shape[0]], [int(i) for i in places // shape[0]]
-    )
+    at = (places % shape[0]).tolist(), (places // shape[0]).tolist()
+    sparsity = ca.Sparsity.triplet(*shape, *at)
     combine = _sparse(
         target, source.ravel()[keep], weights.ravel()[keep], len(places), values.numel()
     )
@@ -224,10 +223,5 @@ def _sparse(rows: Index, columns: Index, values: Array, n_rows: int, n_columns: 
     keep = values != 0
     places, target = np.unique(columns[keep] * n_rows + rows[keep], return_inverse=True)
     sums = np.bincount(target, weights=values[keep], minlength=len(places))
-    return ca.DM.triplet(
-        [int(i) for i in places % n_rows],
-        [int(i) for i in places // n_rows],
-        ca.DM(sums),
-        n_rows,
-        n_columns,
-    )
+    at = (places % n_rows).tolist(), (places // n_rows).tolist()
+    return ca.DM.triplet(*at, ca.DM(sums), n_rows, n_columns)
