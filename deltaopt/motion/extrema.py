@@ -230,10 +230,10 @@ def _graded(interval: Index, bottom: Array, widest: float, narrowest: float) -> 
 def _hills(grid: Array, highest: Array) -> tuple[Index, Index, Array, float]:
     """Hills in samples (K, n, c) that may top the highest (c,): interval, function, fraction
     of the top (N,) each, and the step between samples."""
-    slope = grid[:, :-2] - grid[:, 2:]
+    near = grid[:, :-2] - grid[:, 2:]
     # What follows asks of a hill that |slope| <= 2 |curvature|, so that its gain is at most
     # |slope| / 4: most samples are far too low for that.
-    near = np.abs(slope)
+    np.abs(near, out=near)
     near += grid[:, 1:-1]
     where = np.flatnonzero(near >= highest - _NEAR * np.abs(highest))
     interval, rest = np.divmod(where, near[0].size)

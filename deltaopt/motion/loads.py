@@ -37,6 +37,8 @@ _WITHIN = 1e-10
 _LEAST_SLOPE = 0.05
 """By how much a row of mixed powers is taken to fall with the speed at least, in the rough answer.
 A lesser one would ask for wild factors where slowing hardly helps."""
+_AT_ONCE = 4000
+"""Instants at which loads are computed in one call: the polynomials of all would be a gigabyte."""
 
 
 @dataclass(frozen=True)
@@ -158,18 +160,19 @@ class LoadsOfMotion:
         )
 
     def __call__(self, intervals: Index, fractions: Array) -> Loads:
-        since = (self.lengths[intervals] * fractions)[:, None]
-        return self._at(self.coefficients.take(intervals, axis=0), since)
+        since, own = (self.lengths[intervals] * fractions)[:, None], self.coefficients
+        parts = [
+            self.function(own.take(intervals[k], axis=0), since[k], parameters=self.parameters)
+            for k in (slice(first, first + _AT_ONCE) for first in range(0, len(since), _AT_ONCE))
+        ]
+        rows, demands, narrow = map(np.concatenate, zip(*parts, strict=True))
+        return Loads(rows, demands, narrow, self.slower, self.placed)
 
-    def of_polynomials(self, coefficients: Array) -> Loads:
-        """Loads of polynomials with these ascending coefficients, (N, 3 · powers), at time 0."""
+    def rows_of_polynomials(self, coefficients: Array) -> Array:
+        """Rows of polynomials with these ascending coefficients, (N, 3 · powers), at time 0."""
         filled = np.zeros((len(coefficients), self.coefficients.shape[1]))
         filled[:, : coefficients.shape[1]] = coefficients
-        return self._at(filled, np.zeros((len(coefficients), 1)))
-
-    def _at(self, coefficients: Array, since: Array) -> Loads:
-        rows, demands, narrow = self.function(coefficients, since, parameters=self.parameters)
-        return Loads(rows, demands, narrow, self.slower, self.placed)
+        return self.function(filled, np.zeros((len(filled), 1)), parameters=self.parameters)[0]
 
 
 def exponents(constraints: Constraints, squares: bool) -> Index:

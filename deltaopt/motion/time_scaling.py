@@ -236,7 +236,7 @@ class _Instants:
         width = self.taylor.shape[1]
         powers = np.repeat(np.vander(speeds, width // 3, increasing=True), 3, axis=1)
         slowed = (powers[:, None] * self.taylor).reshape(-1, width)
-        rows = self.evaluate.of_polynomials(slowed).rows
+        rows = self.evaluate.rows_of_polynomials(slowed)
         lower, upper = self.sides
         both = np.hstack([rows[:, upper] - 1, -1 - rows[:, lower]])
         return np.asarray(both.reshape(len(speeds), -1))

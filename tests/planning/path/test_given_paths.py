@@ -103,9 +103,9 @@ def test_shipped_paths_are_verified(name):
 
 
 def test_gaps_are_what_they_say():
-    """Against a plan that is a thousand times as exact."""
+    """Against a plan that is ten to a thousand times as exact."""
     for scene in (on(PICK, ROUNDED), on(CROSS, ROUNDED), on(PICK, "line")):
-        best = deltaopt.plan(scene, tolerance=1e-6)
+        best = deltaopt.plan(scene, tolerance=1e-5)
         for tolerance in (1e-2, 1e-3, 1e-4):
             plan = deltaopt.plan(scene, tolerance=tolerance)
             assert -best.gap <= plan.duration / best.duration - 1 <= plan.gap <= tolerance
