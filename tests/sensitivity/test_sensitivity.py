@@ -57,9 +57,10 @@ def planned(job, tolerance=1e-3):
         "cycles/there_and_back",
     ],
 )
-def test_units_do_not_matter(name):
+def test_units_do_not_matter(name, monkeypatch):
     """Whatever the units of length, mass and time are, the robot is as fast: a duration is a
-    homogeneous function of all numbers of its files (Euler's theorem), on a mesh too."""
+    homogeneous function of all numbers of its files (Euler's theorem), on a coarse mesh too."""
+    monkeypatch.setattr("deltaopt.sensitivity.priced_motion._INTERVALS", 120)
     found = planned(shipped(name)).sensitivity()
     sums = [
         sum(one.exponent * DIMENSIONS[one.number.unit][k] for one in found if one.number.value)
