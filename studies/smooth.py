@@ -48,7 +48,7 @@ SIX = (
     PROBLEMS / "rl5" / "1_kg.yaml",
 )
 """A scene of each shipped robot."""
-SMALL = {"scenes": (PICK_AND_PLACE,), "ramps": (8.0,), "moves": 2}
+SMALL = {"scenes": (PICK_AND_PLACE,), "ramps": (8.0,), "moves": 1}
 _SWING = 0.2
 """Of the peak torque, by which a motor's torque must turn back to count as a swing."""
 _SHAPES = np.linspace(0.02, 0.24, 23)

@@ -35,7 +35,7 @@ SMALL = {
     "starts": 3,
     "kinds": KINDS[:1],
     "widths": (0.001,),
-    "scenes_of_walls": ("wall", "via to a belt"),
+    "scenes_of_walls": ("wall",),
     "spacing": 0.05,
 }
 

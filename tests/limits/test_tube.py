@@ -5,6 +5,7 @@ The distances of the limit, of verification and of these tests are three program
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import casadi as ca
@@ -29,8 +30,11 @@ from tests.hard_scenes import hard_scene
 PROBLEMS = Path(__file__).parents[2] / "problems"
 BENT = load_scene(PROBLEMS / "paths" / "tube.yaml")
 STRAIGHT = BENT.model_copy(update={"path": "line"})
-FREE = deltaopt.plan(BENT.model_copy(update={"path": None, "tube": None}))
-ON_LINE = deltaopt.plan(STRAIGHT.on_its_path, tolerance=1e-5)
+
+
+@cache
+def free() -> Plan:
+    return deltaopt.plan(BENT.model_copy(update={"path": None, "tube": None}))
 
 
 def about(scene: Scene, tube: float) -> Scene:
@@ -90,18 +94,19 @@ def test_distances_and_their_derivatives(scene: Scene):
 
 def test_a_wide_tube_is_none():
     found = planned(about(STRAIGHT, 0.2))
-    assert found.duration <= FREE.duration * (1 + found.gap)
-    assert FREE.duration <= found.duration * (1 + FREE.gap)
+    assert found.duration <= free().duration * (1 + found.gap)
+    assert free().duration <= found.duration * (1 + free().gap)
 
 
 def test_a_narrow_tube_is_the_path():
     """From below, the nearer the narrower, and to what both plans may be above their optima."""
     durations = [planned(about(STRAIGHT, tube)).duration for tube in (1e-2, 1e-3, 1e-4)]
     assert durations == sorted(durations)
-    gains = 1 - np.array(durations) / ON_LINE.duration
-    assert (gains > -ON_LINE.gap).all()
+    on_line = deltaopt.plan(STRAIGHT.on_its_path, tolerance=1e-5)
+    gains = 1 - np.array(durations) / on_line.duration
+    assert (gains > -on_line.gap).all()
     np.testing.assert_allclose(gains, [1.11e-2, 1.1e-3, 1.1e-4], atol=5e-4)
-    assert durations[-1] == pytest.approx(ON_LINE.duration, rel=1e-3)
+    assert durations[-1] == pytest.approx(on_line.duration, rel=1e-3)
 
 
 def test_the_same_by_ipopt():
@@ -217,8 +222,8 @@ def test_a_way_is_found_where_the_path_itself_leaves_the_workspace():
 
 
 def test_a_free_motion_leaves_the_tube():
-    report = deltaopt.verify(BENT, FREE.trajectory)
-    x = FREE.trajectory(np.linspace(0, FREE.duration, 4001)).x
+    report = deltaopt.verify(BENT, free().trajectory)
+    x = free().trajectory(np.linspace(0, free().duration, 4001)).x
     farthest = away_by_samples(BENT, x).max()
     excess = report.excesses["distance_from_the_path_excess"]
     assert excess.amount == pytest.approx(farthest - BENT.tube, rel=2e-3)
