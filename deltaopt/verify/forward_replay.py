@@ -40,9 +40,9 @@ constant."""
 _MOST_PIECES = 600
 """Of a motion: so many take a second. Of every interval of a longer motion pieces are followed that
 are spread evenly over it, the first and the last among them."""
-_MOST_STRETCHES = 1000
-"""Of a motion whose intervals have five stretches each: more take as long as all else that is
-verified, and change the amplification in its third digit."""
+_MOST_STRETCHES = 100
+"""Of a motion whose intervals have five stretches each: more take up to a fifth of the time of a
+verification, and change the amplification in its third digit."""
 _FEWEST_PIECES = 4
 """Of an interval, for each coefficient of its polynomial, where it has more: the polynomial and
 what follows from it are known by fewer."""
