@@ -161,9 +161,10 @@ class LoadsOfMotion:
 
     def __call__(self, intervals: Index, fractions: Array) -> Loads:
         since, own = (self.lengths[intervals] * fractions)[:, None], self.coefficients
+        starts = range(0, max(len(since), 1), _AT_ONCE)
         parts = [
             self.function(own.take(intervals[k], axis=0), since[k], parameters=self.parameters)
-            for k in (slice(first, first + _AT_ONCE) for first in range(0, len(since), _AT_ONCE))
+            for k in (slice(first, first + _AT_ONCE) for first in starts)
         ]
         rows, demands, narrow = map(np.concatenate, zip(*parts, strict=True))
         return Loads(rows, demands, narrow, self.slower, self.placed)

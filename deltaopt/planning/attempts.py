@@ -63,10 +63,10 @@ class Attempt:
 
     ``scene``: the scene, perhaps with more limits than were asked for. ``motion``: the first
     motion. ``intervals``: of the first mesh. ``proposal``: what the first motion is, in words.
-    ``is_near``: whether the first motion is the best
-    one on another mesh. ``on_twice_its_mesh``: whether the first mesh has the knots of the motion
-    and the middles between them, in place of as many equal intervals as are given. ``most``: the
-    duration of a plan that is known, s; the attempt ends where it will not undercut it.
+    ``is_near``: whether the first motion is the best one on another mesh. ``on_twice_its_mesh``:
+    whether the first mesh has the knots of the motion and the middles between them, in place of as
+    many equal intervals as are given. ``most``: the duration of a plan that is known, s; the
+    attempt ends where it will not undercut it.
     """
 
     scene: Scene

@@ -181,7 +181,7 @@ class Run(Loop):
             return None
         planned = partial(self._plan_by_limits, scene, under_way)
         usual = None if past_bodies and is_share else if_possible(NO_PLAN, planned)
-        if usual is not None and usual.gap <= _NEARLY:
+        if usual is not None and (usual.gap <= _NEARLY or not past_bodies):
             return usual
         tolerance = max(self.optimiser.tolerance, USUAL)
         quick = replace(self, optimiser=replace(self.optimiser, tolerance=tolerance))

@@ -41,11 +41,11 @@ class Cycle(Record):
     one ends. What moves on a belt is where its leg says at the start of the cycle; where the cycle
     starts on a belt, the last leg meets the next part, a period later. ``dwells``: how long the
     robot waits after each leg, still with its payload, s; on a belt it moves along. "free" is where
-    it may wait for what is left of a given period. ``period``: of the cycle, if it is given, s:
-    then the motors' heat is the least in it; otherwise the period is. ``rms_torque``: what the root
-    of the mean square of each motor's torque in a period may be, N·m; by default what the motors
-    are rated for, if the robot says so; "none" for no limit. Raises SceneError for values that
-    cannot be used.
+    it may wait for what is left of a given period, or until its motors are cool. ``period``: of the
+    cycle, if it is given, s: then the motors' heat is the least in it; otherwise the period is.
+    ``rms_torque``: what the root of the mean square of each motor's torque in a period may be, N·m;
+    by default what the motors are rated for, if the robot says so; "none" for no limit. Raises
+    SceneError for values that cannot be used.
 
     Examples:
         >>> scene = deltaopt.load_scene("problems/pick_and_place.yaml")

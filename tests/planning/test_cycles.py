@@ -202,7 +202,7 @@ def test_verification_sees_what_is_wrong():
 
 
 def test_what_cannot_be_is_said():
-    with pytest.raises(Infeasible, match="no speed was found at which motors keep"):
+    with pytest.raises(Infeasible, match="no speed and no wait were found with which motors keep"):
         plan_cycle(cycle(rms_torque=0.5))
     with pytest.raises(Infeasible, match=r"period is 0\.1 s, but the fastest legs"):
         plan_cycle(cycle(period=0.1))
@@ -264,33 +264,32 @@ def test_a_cycle_that_starts_on_a_belt_is_the_one_that_starts_off_it():
 
 
 def test_what_is_left_of_a_period_is_waited_where_it_is_cool():
-    """Held beside the middle two motors carry more than in it. Of a period that is four times as
-    long as it could be most is waited, where legs are led through points and wait nowhere else."""
-    points = [(0.8, -0.4, 0.0), (0.8, 0.0, 0.0), (0.8, -0.2, 0.0)]
-    legs = [
-        Scene(robot=INDUSTRIAL, start=a, goal=b, payload=1.0, via=((0.8, (a[1] + b[1]) / 2, 0.01),))
-        for a, b in zip(points, points[1:] + points[:1], strict=True)
-    ]
-    found = plan_cycle(Cycle(legs=tuple(legs), dwells=("free",) * 3, period=3.0), tolerance=0.5)
-    waited = np.array(found.dwells)
-    still = [
-        np.square(leg.trajectory.model.inverse_dynamics(leg.reached, *np.zeros((2, 3)))).sum()
-        for leg in found.legs
-    ]
-    assert waited.max() > 0.1
-    assert waited.argmax() == np.argmin(still)
+    """Held beside the middle two motors carry more than in it. Legs that pass a point at a velocity
+    are not slowed to what is left of a period, which is waited."""
+    beside, middle = (0.8, -0.4, 0.0), (0.8, 0.0, 0.0)
+    passed = State(at=(0.8, -0.2, 0.0), velocity=(0.0, 1.0, 0.0))
+    ends = [beside, passed, middle]
+    legs = tuple(
+        Scene(robot=INDUSTRIAL, start=a, goal=b, payload=1.0)
+        for a, b in zip(ends, ends[1:] + ends[:1], strict=True)
+    )
+    found = plan_cycle(Cycle(legs=legs, dwells=(0.0, "free", "free"), period=3.0), tolerance=0.5)
+    assert found.dwells[1] > 0.01
+    assert found.dwells[2] == 0
     assert found.period == pytest.approx(3.0, rel=1e-12)
     assert verified(found).ok
 
 
-def test_legs_of_a_long_period_go_where_little_torque_holds_the_arms():
-    """As the motion of least effort in half of the period does."""
+@pytest.mark.parametrize(("period", "gap"), [(1.0, 1e-3), (2.0, 0.3)])
+def test_legs_of_a_long_period_go_where_little_torque_holds_the_arms(period, gap):
+    """As the motion of least effort in half of the period does: in the longer one as no price of
+    time has it, so that the bound is that of a shorter one."""
     out = Scene(robot=INDUSTRIAL, start=HERE, goal=THERE, payload=1.0)
     back = Scene(robot=INDUSTRIAL, start=THERE, goal=HERE, payload=1.0)
-    found = plan_cycle(Cycle(legs=(out, back), period=1.0))
-    alone = plan(out.model_copy(update={"objective": Effort(duration=0.5)}))
+    found = plan_cycle(Cycle(legs=(out, back), period=period))
+    alone = plan(out.model_copy(update={"objective": Effort(duration=period / 2)}))
     assert found.squares.sum() == pytest.approx(2 * alone.cost, rel=1e-3)
-    assert found.gap <= 1e-3
+    assert found.gap <= gap
     assert verified(found).ok
 
 
@@ -313,11 +312,12 @@ def test_a_dwell_on_a_belt_through_a_body_is_refused():
     onto, off = belt_cycle()[0].legs
     whole = plan_cycle(Cycle(legs=(onto, off), dwells=(0.3, 0.0), rms_torque="none"))
     x, _, z = whole.legs[0].reached + 0.15 * np.array(onto.goal.belt)
-    plate = {"box": {"from": (x - 0.01, 0.1, z - 1e-3), "to": (x + 0.01, 0.2, z + 1e-3)}}
-    past = {"keep_out": (Body.model_validate(plate),)}
-    legs = tuple(leg.model_copy(update=past) for leg in (onto, off))
-    with pytest.raises(Infeasible, match=r"the dwell after leg 1: .* the clearance of tool is -"):
-        plan_cycle(Cycle(legs=legs, dwells=(0.3, 0.0), rms_torque="none"))
+    for half, told in ((1e-3, ".* the clearance of tool is -"), (2e-5, "the tool is not clear of")):
+        plate = {"box": {"from": (x - 0.01, 0.1, z - half), "to": (x + 0.01, 0.2, z + half)}}
+        past = {"keep_out": (Body.model_validate(plate),)}
+        legs = tuple(leg.model_copy(update=past) for leg in (onto, off))
+        with pytest.raises(Infeasible, match=f"the dwell after leg 1: {told}"):
+            plan_cycle(Cycle(legs=legs, dwells=(0.3, 0.0), rms_torque="none"))
 
 
 def test_motors_cool_in_a_wait_where_no_speed_keeps_them_cool():
@@ -330,7 +330,6 @@ def test_motors_cool_in_a_wait_where_no_speed_keeps_them_cool():
     assert verified(found).ok
     assert max(found.rms_torque) <= 3.3 + 1e-9
     assert found.dwells[1] > 0.3
-    assert given.period / (1 + given.gap) <= found.period * (1 + 1e-6)
     assert found.period < 1.01 * given.period
 
 

@@ -15,6 +15,7 @@ which tells the gap.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import repeat
 from math import inf
 
 import numpy as np
@@ -45,8 +46,9 @@ def plan_cycle(
     """Plan the cycle of least period, or of least heat in a given period.
 
     ``tolerance``: relative gap to reach, at least 1e-9. ``progress``: is called with a line of text
-    after every round. Raises what rules a leg out, and Infeasible where no speed keeps the
-    motors cool or a period is too short.
+    after every round. Raises what rules a leg out, and Infeasible where neither a speed nor a
+    wait keeps the motors cool, a period is too short, or a dwell on a belt leads where the robot
+    cannot be.
 
     Examples:
         >>> cycle = deltaopt.load_cycle("problems/cycles/there_and_back.yaml")
@@ -57,7 +59,7 @@ def plan_cycle(
     require_positive("tolerance", tolerance, *TOLERANCES)
     sought, tell = PricedLegs(cycle, tolerance), progress or (lambda _: None)
     rounds, tried = list[Round](), list[CyclePlan]()
-    fastest = sought.planned(Time(), None)
+    fastest = sought.planned(repeat(Time()), None)
     tell(f"legs as fast as possible: {fastest.in_words}")
     if cycle.period is None and sought.is_kept(fastest):
         sought.require_rides(fastest)
@@ -69,7 +71,9 @@ def plan_cycle(
     near, best, gaps = sought.slowed(fastest) or fastest, None, list[float]()
     afresh = True
     for number in range(2, _MOST_ROUNDS + 1):
-        rounds.append(Round(prices, sought.planned(sought.objective(prices), near, afresh=afresh)))
+        rounds.append(
+            Round(prices, sought.planned(repeat(sought.objective(prices)), near, afresh=afresh))
+        )
         found = rounds[-1].found
         kept = sought.slowed(found)
         tried += [found] if kept is None else [found, kept]
@@ -82,10 +86,12 @@ def plan_cycle(
         tell(f"round {number}: {found.in_words}" + ("" if kept is None else f"; {kept.in_words}"))
         is_elsewhere = afresh and (not gaps or gap > gaps[-1] / _LESS)
         gaps = [gap] if is_elsewhere else [*gaps, gap]
-        done = gap <= tolerance or (len(gaps) > _PATIENCE and gap > _LESS * gaps[-1 - _PATIENCE])
+        waits = cycle.period is None and best is not None and best.dwells != cycle.least_dwells
+        patience = 2 * _PATIENCE if waits else _PATIENCE
+        done = gap <= tolerance or (len(gaps) > patience and gap > _LESS * gaps[-1 - patience])
         if (done and afresh) or (best is None and number > _HOPELESS):
             break
-        afresh = done
+        afresh = done or waits  # legs that linger where they are cool are near no others
         excess = sought.excess(found)
         if is_elsewhere:
             slopes = sought.slopes(rounds[-1])
@@ -97,6 +103,11 @@ def plan_cycle(
             prices = sought.next(prices, excess, slopes)
     if best is None:
         raise Infeasible(sought.why_not(found))
+    if gap > tolerance:
+        spread = sought.spread(best)
+        if spread and sought.value(spread) < sought.value(best):
+            best, gap = spread, _above(sought.value(spread), bound)
+            tell(f"legs that fill the period: {spread.in_words}")
     sought.require_rides(best)
     saved = sought.gained(rounds[-1].prices)
     return replace(best, gap=max(0.0, gap), prices=saved, rounds=number)

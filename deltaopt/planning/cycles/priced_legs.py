@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -24,6 +24,7 @@ from deltaopt.motion.running_cost import squared_torques
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.cycles.prices import next_prices
+from deltaopt.planning.first_motions.around_bodies import is_clear
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import Planner
 from deltaopt.problem.boundary import REST
@@ -31,7 +32,7 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.cycle import Cycle
 from deltaopt.scene.feasibility import require_ride
 from deltaopt.scene.known_limits import limits_of
-from deltaopt.scene.objective import Objective, TimeAndEfforts
+from deltaopt.scene.objective import Effort, Objective, TimeAndEfforts
 
 _LEGS_SHARE = 0.5
 """Of the tolerance: the gap of each leg. The rest is for prices that are not quite right."""
@@ -53,13 +54,13 @@ _LEFT = 1 / 4
 _DIGITS = 12
 """Of seconds: what is less is rounding."""
 _WAITS = 9
-"""How many shares of what is left of a given period are tried: waited, and the legs slower."""
+"""How many factors are tried by which legs are slowed: what is left of a given period is waited,
+and in a free one until the motors are cool."""
 _SLOWEST, _USED_UP, _TRIALS = 20.0, 1e-7, 40
-"""Most by which legs are slowed so that motors stay cool; how much they are left cooler than that;
-and how many factors are tried."""
-
-_PLACES = 101
-"""Along a dwell on a belt, where the robot is looked at."""
+"""Most by which legs are slowed so that motors stay cool; how much they are left cooler than that,
+or a given period is left; and how many factors are tried."""
+_APART = 1e-3
+"""How far apart places along a dwell on a belt are at most at which limits are looked at, m."""
 
 
 @dataclass(frozen=True)
@@ -113,13 +114,13 @@ class PricedLegs:
         return TimeAndEfforts(effort=vector3(self.motors(prices) / self.time(prices)))
 
     def planned(
-        self, objective: Objective, before: CyclePlan | None, *, afresh: bool = False
+        self, objectives: Iterable[Objective], before: CyclePlan | None, *, afresh: bool = False
     ) -> CyclePlan:
-        """All legs, each for an objective, from the motions of another round, and ``afresh`` from
-        first motions of their own too, for those may be near a better optimum."""
+        """All legs, for one of the objectives each, from the motions of another round, and
+        ``afresh`` from first motions of their own too, for those may be near a better optimum."""
         cycle, begins, start = self.cycle, 0.0, self.cycle.legs[0].start
         tolerance, legs, dwells = _LEGS_SHARE * self.tolerance, list[Plan](), cycle.least_dwells
-        for index, dwell in enumerate(dwells):
+        for index, (dwell, objective) in enumerate(zip(dwells, objectives, strict=False)):
             scene = cycle.leg(index, begins, start).model_copy(update={"objective": objective})
             planner = Planner(scene.robot, tolerance=tolerance)
             near = before.legs[index].trajectory if before else None
@@ -163,10 +164,12 @@ class PricedLegs:
             slowest = (self.cycle.period - self.dwelt) / (found.at_work - self.dwelt)
         else:
             slowest = self._cool(found)
-        factors = np.geomspace(1.0, max(1.0, slowest), _WAITS)
-        slowed = (self._by(float(each), found) for each in factors)
-        possible = [each for each in slowed if each and self.is_kept(each)]
-        return min(possible, key=self.value, default=None)
+        factors = dict.fromkeys(np.geomspace(1.0, max(1.0, slowest), _WAITS).tolist())
+        slowed = [(each, self._with_waits(_slower(each, found))) for each in factors]
+        for factor, slower in sorted(slowed, key=lambda pair: self.value(pair[1])):
+            if self.is_kept(slower) and _may_be_slowed(factor, found):
+                return slower
+        return None
 
     def _cool(self, found: CyclePlan) -> float:
         """The factor by which all legs are slowed until motors stay cool without a longer wait, or
@@ -183,6 +186,18 @@ class PricedLegs:
             if factor > _SLOWEST:
                 break
         return _SLOWEST
+
+    def spread(self, found: CyclePlan) -> CyclePlan | None:
+        """A cycle in a given period whose legs take all of it, each with the least effort in its
+        share: a price of time that is not negative makes none as long. None where legs end moving,
+        and where there is no such motion."""
+        if self.cycle.period is None or any(leg.moves_at_ends for leg in self.cycle.legs):
+            return None
+        left = (self.cycle.period - self.dwelt) * (1 - _USED_UP)
+        durations = left * found.durations / found.durations.sum()
+        objectives = [Effort(duration=float(each)) for each in durations]
+        spread = if_possible(NO_PLAN, self.planned, objectives, None)
+        return spread if spread and self.is_kept(spread) else None
 
     def exchanged(self, best: CyclePlan, tried: list[CyclePlan]) -> CyclePlan:
         """A cycle that is better than the ``best`` by legs of others that were tried: where the
@@ -213,20 +228,12 @@ class PricedLegs:
         if self.cycle.period is not None:
             slower = (self.cycle.period - self.dwelt) / at_work
             return np.where(slower < 1, np.inf, squares @ self.heat / np.maximum(slower, 1) ** 3)
-        period = at_work + self.dwelt
+        dwelt = sum(best.dwells)  # with what the motors cool in
+        period = at_work + dwelt
         resting = best.squares - best.squares_of_legs.sum(axis=0)
         over = np.log((squares + resting) / (self.limits * period[:, None])).max(axis=1)
         slower = np.exp(np.maximum(over, 0.0) / (3 + at_work / period))
-        return np.asarray(slower * at_work + self.dwelt)
-
-    def _by(self, factor: float, found: CyclePlan) -> CyclePlan | None:
-        """A cycle with legs slowed by a factor; None where one exceeds a limit by it."""
-        if factor == 1:
-            return self._with_waits(found)
-        for leg in found.legs:
-            if safe_factor(problem_of(leg.scene), leg.trajectory, at_least=factor) > factor:
-                return None
-        return self._with_waits(_slower(factor, found))
+        return np.asarray(slower * at_work + dwelt)
 
     def _with_waits(self, found: CyclePlan) -> CyclePlan:
         """A cycle that waits where that costs the least heat for what is left of a given period, or
@@ -334,14 +341,18 @@ class PricedLegs:
         for index, (leg, wait) in enumerate(zip(found.legs, found.waits, strict=True)):
             velocity = self.cycle.velocity_after(index)
             if wait is not None and velocity != REST:
-                places = wait.position.at(np.linspace(0.0, wait.duration, _PLACES))
-                require_ride(leg.scene, f"the dwell after leg {index + 1}", places, velocity)
+                name, way = f"the dwell after leg {index + 1}", np.linalg.norm(velocity)
+                instants = np.linspace(0.0, wait.duration, 2 + int(way * wait.duration / _APART))
+                require_ride(leg.scene, name, wait.position.at(instants), velocity)
+                if not is_clear(leg.scene, wait):
+                    raise Infeasible(f"{name}: the tool is not clear of all bodies at all instants")
 
     def why_not(self, found: CyclePlan) -> str:
         """Why no cycle was found that keeps all limits, from the last round."""
         allowed = ", ".join(f"{each:.4g}" for each in np.sqrt(self.limits))
         return (
-            f"no speed was found at which motors keep their limits of RMS torque, {allowed} N·m: "
+            f"no speed and no wait were found with which motors keep their limits of RMS torque, "
+            f"{allowed} N·m: "
             f"the last that was tried took {found.in_words}; arms at rest are held by torques too"
         )
 
@@ -368,7 +379,17 @@ def _largest_ratio(over: Array, cooled: Array) -> float:
         return float((over[over > 0] / cooled[over > 0]).max() * (1 + _USED_UP))
 
 
+def _may_be_slowed(factor: float, found: CyclePlan) -> bool:
+    """Whether no leg exceeds a limit where all are slowed by a factor; 1 changes nothing."""
+    problems = ((problem_of(leg.scene), leg.trajectory) for leg in found.legs)
+    return factor == 1 or all(
+        safe_factor(problem, motion, at_least=factor) <= factor for problem, motion in problems
+    )
+
+
 def _slower(factor: float, found: CyclePlan) -> CyclePlan:
     """A cycle with legs slowed by a factor, whatever limits say."""
+    if factor == 1:
+        return found
     slowed = ((leg, leg.trajectory.slowed(factor)) for leg in found.legs)
     return replace(found, legs=tuple(replace(leg, trajectory=slower) for leg, slower in slowed))

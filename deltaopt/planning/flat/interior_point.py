@@ -279,9 +279,16 @@ class CompiledMethod:
         report = _Report()
         watched = _LOG.isEnabledFor(logging.DEBUG)
         trace = np.zeros((settings.iterations + 1, _TRACED)) if watched else None
-        more = {"rows": settings.row_tolerance, "is_warm": is_warm}
-        address = None if trace is None else trace.ctypes.data
-        asked = _Settings(**{**vars(settings), **more, "trace": address})
+        asked = _Settings(
+            tolerance=settings.tolerance,
+            rows=settings.row_tolerance,
+            barrier=settings.barrier,
+            closest=settings.closest,
+            iterations=settings.iterations,
+            trace=None if trace is None else trace.ctypes.data,
+            is_warm=is_warm,
+            smooth=settings.smooth,
+        )
         status = self.code.solve(
             ctypes.c_int64(phases),
             *map(_pointer, arrays),

@@ -94,12 +94,10 @@ class Scaling:
 
     Positions are measured from the start in units of the distance from start to goal, or of
     ``extent`` (m) where an end moves; time in units of ``time`` (s), torques in units of the
-    largest that the scene allows. ``share``: the part of
-    each limit that a motion may use, one for all or by interval and row, (N, rows). ``kept``:
-    indices of the scene's items of limits that are considered; None for all.
-    ``faces``:
-    phases past edges; None where there are none. ``softening``: of friction; None where it is as it
-    is.
+    largest that the scene allows. ``share``: the part of each limit that a motion may use, one for
+    all or by interval and row, (N, rows). ``kept``: indices of the scene's items of limits that are
+    considered; None for all. ``faces``: phases past edges; None where there are none.
+    ``softening``: of friction; None where it is as it is.
     """
 
     problem: Problem
