@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf
 
 import numpy as np
 
@@ -59,6 +58,9 @@ and in a free one until the motors are cool."""
 _SLOWEST, _USED_UP, _TRIALS = 20.0, 1e-7, 40
 """Most by which legs are slowed so that motors stay cool; how much they are left cooler than that,
 or a given period is left; and how many factors are tried."""
+_NOTHING = 1e-9
+"""N²m²: by how much motors cool at least in a second, so that waits in which they do not, which are
+no answer, are numbers."""
 _APART = 1e-3
 """How far apart places along a dwell on a belt are at most at which limits are looked at, m."""
 
@@ -244,11 +246,11 @@ class PricedLegs:
             left = max(0.0, round(self.cycle.period - found.at_work, _DIGITS))
             dwells[min(held, key=lambda k: float(held[k] @ self.heat))] += left
         else:
-            over = found.squares - self.limits * found.period
-            cooled = {k: np.maximum(self.limits - each, 0) for k, each in held.items()}
-            waits = {k: _largest_ratio(over, each) for k, each in cooled.items()}
+            over = np.maximum(found.squares - self.limits * found.period, 0)
+            cooled = {k: np.maximum(self.limits - each, _NOTHING) for k, each in held.items()}
+            waits = {k: float((over / each).max()) for k, each in cooled.items()}
             least = min(waits, key=waits.__getitem__)
-            dwells[least] += waits[least] if waits[least] < inf else 0.0
+            dwells[least] += waits[least] * (1 + _USED_UP)
         return replace(found, dwells=tuple(dwells))
 
     def value(self, found: CyclePlan) -> float:
@@ -368,15 +370,6 @@ def _named(index: int) -> Iterator[None]:
         raise Infeasible(f"leg {index + 1}: {error}") from error
     except NotConverged as error:
         raise NotConverged(f"leg {index + 1}: {error}", error.status, error.iterate) from error
-
-
-def _largest_ratio(over: Array, cooled: Array) -> float:
-    """How long it takes until nothing is ``over``, (3,), of which so much is ``cooled`` in a
-    second, (3,), s; infinite where nothing is."""
-    if not (over > 0).any():
-        return 0.0
-    with np.errstate(divide="ignore"):
-        return float((over[over > 0] / cooled[over > 0]).max() * (1 + _USED_UP))
 
 
 def _may_be_slowed(factor: float, found: CyclePlan) -> bool:
