@@ -21,6 +21,7 @@ import numpy as np
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.errors import ENDS_AN_ATTEMPT, Infeasible, if_possible
 from deltaopt.limits.running_cost import Running
+from deltaopt.motion.motion_sequence import waiting
 from deltaopt.motion.running_cost import cost as cost_of
 from deltaopt.motion.trajectory import Trajectory, goal_of, passes
 from deltaopt.planning.first_motions.initial_motion import waiting_motions
@@ -28,6 +29,7 @@ from deltaopt.planning.mesh.error_estimate import split
 from deltaopt.planning.nlp.problem import FASTEST, SMOOTHLY_FASTEST, Cost, Formulated, Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import QUADRATIC
+from deltaopt.problem.boundary import REST
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
 from deltaopt.scene.objective import Objective
@@ -178,13 +180,13 @@ def beginnings(
 
 def _longer(scene: Scene, motion: Trajectory) -> float:
     """About how many times longer than the fastest ``motion`` one of least time and effort takes,
-    if slower ones have the same shape, and torques fall with the square of the speed; 1 of one in a
-    given duration."""
+    if slower ones have the same shape, and what its torques do more than hold the robot at the
+    start falls with the square of the speed; 1 of one in a given duration."""
     if scene.objective.given_duration is not None:
         return 1.0
-    by_time = scene.objective.weights[0] * motion.duration
-    by_effort = cost_of(problem_of(scene), motion) - by_time
-    return float(max(1.0, 3 * by_effort / by_time) ** (1 / 4))
+    still = waiting(motion.model, scene.given_points[0], REST, motion.duration)
+    moving, resting = (cost_of(problem_of(scene), each) for each in (motion, still))
+    return float(max(1.0, 3 * (moving - resting) / resting) ** (1 / 4))
 
 
 def far_and_near(starts: Sequence[Beginning], together: int) -> Iterator[tuple[Beginning, bool]]:

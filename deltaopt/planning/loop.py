@@ -49,11 +49,7 @@ from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser, safe
 from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
-from deltaopt.scene.feasibility import (
-    require_links_clear,
-    require_state,
-    room_at_rest,
-)
+from deltaopt.scene.feasibility import require_links_clear, require_state, room_at_rest
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import Time
 from deltaopt.scene.parallel_singularity import require_ends_on_one_side

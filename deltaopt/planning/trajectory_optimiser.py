@@ -49,14 +49,7 @@ from deltaopt.planning.mesh.gap import (
 )
 from deltaopt.planning.mesh.kept_limits import kept_or_slowed
 from deltaopt.planning.mesh.mesh_solution import MeshSolution
-from deltaopt.planning.nlp.problem import (
-    Cost,
-    Formulated,
-    Guess,
-    InteriorPoint,
-    Ipopt,
-    Solver,
-)
+from deltaopt.planning.nlp.problem import Cost, Formulated, Guess, InteriorPoint, Ipopt, Solver
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR, PiecewiseAcceleration
 from deltaopt.planning.plan import Plan

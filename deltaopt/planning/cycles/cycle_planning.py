@@ -20,9 +20,7 @@ from math import inf
 
 import numpy as np
 
-from deltaopt.errors import (
-    Infeasible,
-)
+from deltaopt.errors import Infeasible
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.cycles.priced_legs import PricedLegs, Round
 from deltaopt.planning.cycles.prices import broyden

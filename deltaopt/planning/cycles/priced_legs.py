@@ -10,14 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.errors import (
-    NO_PLAN,
-    RULED_OUT,
-    Infeasible,
-    NotConverged,
-    SceneError,
-    if_possible,
-)
+from deltaopt.errors import NO_PLAN, RULED_OUT, Infeasible, NotConverged, SceneError, if_possible
 from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.motion.running_cost import squared_torques
 from deltaopt.motion.time_scaling import safe_factor
