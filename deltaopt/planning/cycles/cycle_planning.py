@@ -104,7 +104,8 @@ def plan_cycle(
     if gap > tolerance:
         spread = sought.spread(best)
         if spread and sought.value(spread) < sought.value(best):
-            best, gap = spread, _above(sought.value(spread), bound)
+            best, bound = spread, sought.bound(rounds, [*tried, spread])
+            gap = _above(sought.value(best), bound)
             tell(f"legs that fill the period: {spread.in_words}")
     sought.require_rides(best)
     saved = sought.gained(rounds[-1].prices)
