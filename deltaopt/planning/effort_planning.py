@@ -154,15 +154,12 @@ def beginnings(
 
     ``intervals``: of a move before or after a wait.
     """
-    objective, waiting = scene.objective, list[Trajectory]()
-    if objective.rate in (Running.EFFORT, Running.WEIGHTED_EFFORT):
-        longer = _longer(scene, slowed.guess)
-        if objective.given_duration or longer > _WAITS_ABOVE:
-            waiting = waiting_motions(scene, longer * slowed.guess.duration)
-    if not waiting:
+    duration = _time_to_wait_in(scene, slowed.guess)
+    that_wait = waiting_motions(scene, duration) if duration else []
+    if not that_wait:
         return [slowed]
     found, tried = list[tuple[float, Beginning]](), [[slowed]]
-    for each in waiting:
+    for each in that_wait:
         meshes = (_waiting_mesh(each, number) for number in (intervals, intervals // 2))
         tried.append([Beginning(each, mesh) for mesh in meshes])
     for of_one in tried:
@@ -178,15 +175,20 @@ def beginnings(
     return [*(begin for _, begin in found), slowed]
 
 
-def _longer(scene: Scene, motion: Trajectory) -> float:
-    """About how many times longer than the fastest ``motion`` one of least time and effort takes,
-    if slower ones have the same shape, and what its torques do more than hold the robot at the
-    start falls with the square of the speed; 1 of one in a given duration."""
-    if scene.objective.given_duration is not None:
-        return 1.0
+def _time_to_wait_in(scene: Scene, motion: Trajectory) -> float | None:
+    """How long motions of least effort take that may wait: as long as is given, or of least time
+    and effort about as long as the fastest ``motion`` slowed until these cost the least, if its
+    torques beyond those that hold the robot at the start fall with the square of the speed, s. None
+    where that leaves no time to wait, and for other costs."""
+    objective = scene.objective
+    if objective.rate not in (Running.EFFORT, Running.WEIGHTED_EFFORT):
+        return None
+    if objective.given_duration is not None:
+        return objective.given_duration
     still = waiting(motion.model, scene.given_points[0], REST, motion.duration)
     moving, resting = (cost_of(problem_of(scene), each) for each in (motion, still))
-    return float(max(1.0, 3 * (moving - resting) / resting) ** (1 / 4))
+    longer = float(max(1.0, 3 * (moving - resting) / resting) ** (1 / 4))
+    return longer * motion.duration if longer > _WAITS_ABOVE else None
 
 
 def far_and_near(starts: Sequence[Beginning], together: int) -> Iterator[tuple[Beginning, bool]]:

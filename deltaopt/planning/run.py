@@ -132,7 +132,7 @@ class Run(Loop):
         try:
             known.append(self._links_clear(scene, usual))
             so_far.add(known[0])
-            if not scene.objective.weights[0]:  # others take as long, not a share of their own
+            if scene.objective.is_share:  # others take as long, not a share of their own
                 in_time = scene.objective.alone(known[0].duration)
                 scene = scene.model_copy(update={"objective": in_time})
         except NO_PLAN as error:
@@ -173,9 +173,10 @@ class Run(Loop):
 
     def _at_least_cost(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan | None:
         """Plan for another objective than time past bodies, or in a share of the fastest motion's
-        duration: from the usual first motions; where these lead to none near an optimum, and past
-        bodies in such a share, from the fastest motion of all, near which the best is: over edges
-        the fastest from each first motion alone may be far slower. None otherwise."""
+        duration: from the usual first motions, and where these lead to no plan, or past bodies to
+        none near an optimum, from the fastest motion of all, near which the best is. Past bodies
+        such a share is planned from that at once: over edges the fastest from each first motion
+        alone may be far slower. None of other scenes."""
         past_bodies, is_share = limits_of(scene).constraints.has_convex, scene.objective.is_share
         if not (past_bodies or is_share):
             return None

@@ -92,8 +92,9 @@ def require_ride(scene: Scene, name: str, places: Array, velocity: Vector3) -> N
     doubtful = ~_surely(scene, places, np.broadcast_to(velocity, places.shape))
     for place in places[doubtful]:
         require_state(scene, name, Boundary(vector3(place), velocity), is_given=False)
-    for place in places if scene.robot_keeps_clear and scene.keep_out else ():
-        require_links_clear(scene, name, vector3(place))
+    if scene.robot_keeps_clear and scene.keep_out:
+        least = rooms_at(scene, places).min(axis=(1, 2))
+        require_links_clear(scene, name, vector3(places[least.argmin()]))
 
 
 def _require_sphere(scene: Scene, number: int, sphere: Boundary) -> None:

@@ -10,7 +10,15 @@ from functools import cached_property
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.errors import NO_PLAN, RULED_OUT, Infeasible, NotConverged, SceneError, if_possible
+from deltaopt.errors import (
+    NO_PLAN,
+    RULED_OUT,
+    Infeasible,
+    NotConverged,
+    SceneError,
+    if_possible,
+    inside,
+)
 from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.motion.running_cost import squared_torques
 from deltaopt.motion.time_scaling import safe_factor
@@ -346,9 +354,9 @@ class PricedLegs:
         """Why no cycle was found that keeps all limits, from the last round."""
         allowed = ", ".join(f"{each:.4g}" for each in np.sqrt(self.limits))
         return (
-            f"no speed and no wait were found with which motors keep their limits of RMS torque, "
-            f"{allowed} N·m: "
-            f"the last that was tried took {found.in_words}; arms at rest are held by torques too"
+            "no speed and no wait were found with which motors keep their limits of RMS torque, "
+            f"{allowed} N·m: the last that was tried took {found.in_words}; arms at rest are held "
+            "by torques too"
         )
 
 
@@ -356,9 +364,8 @@ class PricedLegs:
 def _named(index: int) -> Iterator[None]:
     """What is wrong with a leg is raised with its number."""
     try:
-        yield
-    except SceneError as error:
-        raise error.inside(key=f"cycle[{index}]") from None
+        with inside(key=f"cycle[{index}]"):
+            yield
     except RULED_OUT as error:
         raise Infeasible(f"leg {index + 1}: {error}") from error
     except NotConverged as error:

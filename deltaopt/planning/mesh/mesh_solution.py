@@ -145,8 +145,8 @@ class MeshSolution:
     factor the motion must be slowed to keep every limit; of all instants if ``is_exact``, else of
     samples.
     ``excess``: as of ``sure_excess``, and ``beside``: what is lost beside each of these limits,
-    (rows,); None without such. ``has_arrived``: whether the solver
-    left no more than was asked for. ``gap``: the estimated optimality gap, as of ``with_gap``.
+    (rows,); None without such. ``has_arrived``: whether the solver left no more than was asked for.
+    ``gap``: the estimated optimality gap, as of ``with_gap``.
     """
 
     program: MeshProgram
