@@ -265,8 +265,11 @@ class Bodies:
     def _any_leads_past(self, pieces: Array, body: int) -> bool:
         """Whether any of some pieces of bands, (W, n, 3), is clear of a body."""
         distance = self.distances(pieces.reshape(-1, 3))[0].reshape(*pieces.shape[:2], -1)
-        past = (distance[..., body] >= self.kept[body]).all(axis=1)
-        return bool((self.pierced(pieces[past], distance[past]) != body).all(axis=1).any())
+        past = np.flatnonzero((distance[..., body] >= self.kept[body]).all(axis=1))
+        return any(
+            bool((self.pierced(pieces[each], distance[each]) != body).all())
+            for each in past[::-1].tolist()  # the farthest shifts first: most are clear
+        )
 
     def sides(self, band: Array) -> tuple[str, ...]:
         """On which sides a band passes the bodies that it comes near, in order of time:
