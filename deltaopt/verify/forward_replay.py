@@ -238,12 +238,13 @@ def _step(model: Functions, reported: Functions, powers: int) -> PreciseIntegrat
 
 
 def _reported_torque(model: Functions, powers: int) -> ca.Function:
-    """(time since the interval began, coefficients 3 × powers, p) -> τ (3)."""
-    t, coefficients = ca.MX.sym("t"), ca.MX.sym("coefficients", 3, powers)
-    p = ca.MX.sym("p", model.symbols().numel())
-    x = ca.MX.zeros(3)
+    """(time since the interval began, coefficients 3 × powers, p) -> τ (3): in scalars, which are
+    evaluated five times as fast."""
+    t, coefficients = ca.SX.sym("t"), ca.SX.sym("coefficients", 3, powers)
+    p = model.symbols()
+    x = ca.SX.zeros(3)
     for power in reversed(range(powers)):  # Horner
         x = x * t + coefficients[:, power]
     v = ca.jacobian(x, t)
     tau, _ = model.inverse_dynamics(x, v, ca.jacobian(v, t), p)
-    return ca.Function("reported_torque", [t, coefficients, p], [tau])
+    return ca.Function("reported_torque", [t, coefficients, p], [tau], {"cse": True})
