@@ -69,6 +69,26 @@ def test_a_request_in_a_finaliser_is_raised_after_it(capsys):
     assert capsys.readouterr().err == ""
 
 
+def test_a_request_while_casadi_looks_at_an_argument_is_raised_after_it():
+    """CasADi asks Python whether an argument is an array, and forgets what is raised there."""
+
+    class Asked(ca.SX):
+        @property
+        def tocsc(self) -> None:
+            interrupt()
+            raise AttributeError
+
+    def waiting() -> None:
+        argument = Asked(ca.SX.sym("x"))
+        assert ca.sin(argument).shape == (1, 1)
+        time.sleep(5)
+
+    begin = time.monotonic()
+    with pytest.raises(Stopped), requests_raised():
+        waiting()
+    assert time.monotonic() < begin + 4
+
+
 def test_the_same_request_twice_is_one():
     done = []
 

@@ -163,9 +163,10 @@ def _wait(process: subprocess.Popen[bytes], slow: Callable[[], None]) -> bool:
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:
-    """End a compiler and the programs that it has started."""
+    """End a compiler and the programs that it has started, unless it has ended by itself."""
     if os.name == "posix":
-        os.killpg(process.pid, signal.SIGKILL)
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
     else:
         process.kill()
     process.wait()

@@ -2,7 +2,8 @@
 
 Python raises KeyboardInterrupt wherever it happens to be, and that is not always enough: during
 imports it is a traceback of another library, in a callback or a finaliser it is printed and
-forgotten, and CasADi turns it into an error of its own.
+forgotten, and CasADi turns it into an error of its own, or forgets it where it asks Python what an
+argument is.
 """
 
 from __future__ import annotations
@@ -24,7 +25,11 @@ _IMPATIENT = 1.0
 shell; a later one is of somebody who has lost patience with the tidying up."""
 
 _AGAIN = 0.01
-"""s; a request that was lost in a callback is made again so much later, when that is over."""
+"""s; a request that was or would be lost in a callback is made again so much later, when that is
+over."""
+
+_CASADI = "casadi.casadi"
+_QUESTIONS = ("_from_array", "_from_csc")
 
 
 class Stopped(KeyboardInterrupt):
@@ -50,6 +55,9 @@ def requests_raised() -> Iterator[None]:
     telling = Lock()
 
     def stop(number: int, frame: FrameType | None) -> None:
+        if _asked_by_casadi(frame):
+            Thread(target=again, args=[number], daemon=True).start()
+            return
         if not first:
             first.append((number, time.monotonic()))
             raise Stopped(number)
@@ -81,6 +89,17 @@ def requests_raised() -> Iterator[None]:
             raise
         finally:
             sys.unraisablehook = usual
+
+
+def _asked_by_casadi(frame: FrameType | None) -> bool:
+    """Whether a frame belongs to a function by which CasADi asks whether an argument is an array:
+    it takes whatever is raised there for a no."""
+    while frame is not None:
+        code = frame.f_code
+        if frame.f_globals.get("__name__") == _CASADI and code.co_name.endswith(_QUESTIONS):
+            return True
+        frame = frame.f_back
+    return False
 
 
 def _send_to_main_thread(number: int) -> None:

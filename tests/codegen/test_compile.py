@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import ctypes
 import os
+import signal
 import subprocess
 import sys
+import threading
 import time
 
 import casadi as ca
@@ -138,6 +140,17 @@ def test_a_compiler_that_hangs_is_stopped_and_not_tried_again(tmp_path, monkeypa
 
 
 @needs_compiler
+@pytest.mark.skipif(os.name != "posix", reason="a signal to a waiting process")
+def test_a_request_to_stop_is_not_lost_where_the_compiler_ends_soon_after_it(tmp_path):
+    """Python waits a moment for a child to end by itself before it raises KeyboardInterrupt."""
+    script(tmp_path / "gcc", "sleep 0.3")
+    compile_it = Compiler(str(tmp_path / "gcc")).compile
+    main = threading.main_thread().ident
+    threading.Timer(0.2, lambda: signal.pthread_kill(main, signal.SIGINT)).start()
+    with pytest.raises(KeyboardInterrupt):
+        compile_it(tmp_path / "a.c", tmp_path / "a.so", ())
+
+
 def test_compilers_are_tried_in_order(tmp_path, monkeypatch):
     """gcc, cc, clang, then the extra's: the first that compiles is taken, each program once."""
     real = compiler()
