@@ -49,6 +49,7 @@ _FEW = 4
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
 NonNegative = Annotated[Number, Field(ge=0)]
 Positive = Annotated[Number, Field(gt=0)]
+Below1 = Annotated[Positive, Field(lt=1)]
 Text = Annotated[str, Field(strict=True, min_length=1)]
 
 Vector3 = tuple[float, float, float]

@@ -27,7 +27,7 @@ import numpy as np
 
 from deltaopt.errors import Unreachable
 from deltaopt.files.units import RATIO
-from deltaopt.files.validated_record import Positive
+from deltaopt.files.validated_record import Below1
 from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Limit, Numbers
 from deltaopt.robot.model import model_of
 
@@ -92,7 +92,7 @@ class KeptVolume(Limit):
 
 def _key(name: str) -> Key:
     return Key(
-        name, Annotated[Positive, RATIO], "a distance without unit, greater than 0 and below 1"
+        name, Annotated[Below1, RATIO], "a distance without unit, greater than 0 and below 1"
     )
 
 

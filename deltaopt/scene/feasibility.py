@@ -289,7 +289,8 @@ def exceeded(scene: Scene, end: Boundary, orders: int = 3) -> Iterator[str]:
             beyond, bound = ("at most", upper) if value > upper else ("at least", lower)
             by = f" by {limit.robot_key}" if limit.robot_key else ""
             unit = scene.robot.unit(limit.unit)
+            unit = "" if unit == "1" else f" {unit}"
             yield (
-                f"{constraints.label(row)} is {value:.4g} {unit}, where {beyond} {bound:g} "
-                f"{unit} is allowed{by}"
+                f"{constraints.label(row)} is {value:.4g}{unit}, where {beyond} {bound:g}{unit} "
+                f"is allowed{by}"
             )

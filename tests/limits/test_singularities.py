@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from deltaopt import load_scene, plan, verify
+from deltaopt.errors import Infeasible, SceneError
 from deltaopt.limits.singularities import PARALLEL_SINGULARITY, TILT_SINGULARITY
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.mechanisms.instant import CoordinateInstant
@@ -90,6 +91,15 @@ def test_measure_is_the_volume_of_the_bars():
     found = np.array(measure.map(len(x))(q.T)).ravel()
     np.testing.assert_allclose(found, side * volume(SCENE, x), rtol=1e-12)
     assert side * volume(SCENE, x)[-1] > 0
+
+
+@pytest.mark.parametrize("key", ["parallel_singularity", "tilt_singularity"])
+def test_a_distance_that_is_nowhere_is_refused_and_one_that_an_end_has_not_is_told(key):
+    """Volumes of unit vectors are 1 at most."""
+    with pytest.raises(SceneError, match=rf"^limits.{key} is 1.0; expected .* below 1$"):
+        SCENE.model_copy(update={"limits": {key: 1.0}})
+    with pytest.raises(Infeasible, match=r"is 0\.\d+, where at least 0.999 is allowed$"):
+        plan(SCENE.model_copy(update={"limits": {key: 0.999}}))
 
 
 def test_motions_keep_it():
