@@ -67,7 +67,7 @@ class Motion:
 class Trajectory:
     """A motion of the platform over time: call it with instants to get a `Motion`.
 
-    ``position``: of the platform's centre, m over s. ``model``: the robot with its payload, which
+    ``position``: of the tool's point, m over s. ``model``: the robot with its payload, which
     gives motor angles and torques. ``coordinates``: all twelve, m and rad, if they were planned as
     polynomials that may violate loop closure; otherwise they follow from the position.
 

@@ -173,7 +173,7 @@ class DeltaModel(Model):
         return delta_parameters(self.robot, self.payload)
 
     def inverse_kinematics(self, x: ArrayLike) -> Array:
-        """Coordinates q, (N, 12), m and rad, for the platform's centre at x, (N, 3), m.
+        """Coordinates q, (N, 12), m and rad, with the tool's point at x, (N, 3), m.
 
         Every elbow is on the outer side of its chain: the industrial assembly mode. Raises
         Unreachable where there is no such q.
@@ -184,7 +184,7 @@ class DeltaModel(Model):
         return q
 
     def forward_kinematics(self, theta: ArrayLike) -> Array:
-        """Position x of the platform's centre, (N, 3), m, for motor angles, (N, 3), rad.
+        """Position x of the tool's point, (N, 3), m, for motor angles, (N, 3), rad.
 
         It is the lower of the two solutions. Raises Unreachable where the loops cannot close.
         """
@@ -333,8 +333,9 @@ class DeltaModel(Model):
 
     def _require_reach(self, x: ArrayLike, failed: NDArray[np.bool]) -> None:
         point = np.broadcast_to(np.asarray(x, dtype=float), (len(failed), 3))[np.argmax(failed)]
+        what = "the tool's point" if any(self.robot.tool_offset) else "the platform"
         raise Unreachable(
-            f"the platform cannot be at {in_words(point)} m: {self._obstacle(point)}",
+            f"{what} cannot be at {in_words(point)} m: {self._obstacle(point)}",
             np.flatnonzero(failed),
         )
 

@@ -264,3 +264,14 @@ def test_points_near_singularities_among_others():
     with pytest.raises(Singular, match="point 50") as caught:
         model.inverse_dynamics(x, v, a)
     assert caught.value.points.tolist() == [50, 60]
+
+
+def test_places_are_of_the_tools_point_and_errors_say_so():
+    tool = {"offset": (0.12, 0.01, -0.02)}
+    model = DeltaModel(ORSINO.model_copy(update={"tool": tool}))
+    theta = DeltaModel(ORSINO).inverse_kinematics((0.45, 0.02, 0.0))[3::3]
+    point = (0.57, 0.03, -0.02)
+    np.testing.assert_allclose(model.inverse_kinematics(point)[3::3], theta, atol=1e-12)
+    np.testing.assert_allclose(model.forward_kinematics(theta), point, atol=1e-12)
+    with pytest.raises(Unreachable, match=r"^the tool's point cannot be at \[3, 0, 0\] m"):
+        model.inverse_kinematics((3.0, 0.0, 0.0))
