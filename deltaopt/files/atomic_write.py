@@ -36,12 +36,15 @@ def atomic_write(path: Path) -> Iterator[Path]:
 
 def require_replaceable(path: Path) -> None:
     """Raise OSError where something has this name that is no file: a link, a pipe or a device is
-    somebody's means to an end, which a file in its place would break."""
+    somebody's means to an end, which a file in its place would break; or a file that its owner has
+    protected from writing."""
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, "is a directory", str(path))
     if path.is_symlink() or (path.exists() and not path.is_file()):
         kind = "a link" if path.is_symlink() else "not a regular file"
         raise FileExistsError(errno.EEXIST, f"is {kind}, and is not replaced", str(path))
+    if path.exists() and not os.access(path, os.W_OK):
+        raise PermissionError(errno.EACCES, "is write-protected, and is not replaced", str(path))
 
 
 def to_disk(file: Path) -> None:

@@ -202,6 +202,16 @@ def test_a_full_disk_names_the_file(old):
 # Where one may write, said before any work
 
 
+def test_a_file_that_is_write_protected_stays(old):
+    protected = old / "a.csv"
+    protected.chmod(0o444)
+    if os.access(protected, os.W_OK):
+        pytest.skip("who runs this may write to every file")
+    with pytest.raises(PermissionError, match="write-protected"), all_or_none(old) as hidden:
+        write(hidden, NEW)
+    assert content(old) == OLD
+
+
 def test_what_is_no_directory(tmp_path, monkeypatch):
     file, loop = tmp_path / "file", tmp_path / "loop"
     file.touch()
