@@ -39,6 +39,7 @@ from deltaopt.files.units import Misread, Quantity
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.cam_tables import CAM, Cams, write_cams
 from deltaopt.output.cycle_files import load_legs, told_of_period
+from deltaopt.output.in_words import percent
 from deltaopt.output.joint_table import (
     CUBIC,
     QUINTIC,
@@ -323,7 +324,7 @@ def _verified(
         needed = (cured or inf) / plan.duration
     if needed > slower and not arguments.anyway:
         if not _may_slow(plan, arguments, needed / slower - 1):
-            price = [f"--keep-limits ({100 * (needed - 1):.2g} % slower)"]
+            price = [f"--keep-limits ({percent(needed - 1)} slower)"]
             raise _refusal(f"{file}: {'; '.join(remarks)}", price if isfinite(needed) else [])
         slower = needed
     return plan.trajectory.slowed(slower), remarks if needed > slower else []
@@ -356,6 +357,6 @@ def _remedies(scene: Scene, trajectory: Trajectory, kept: CheckedTable) -> list[
     return [
         ("" if of_plc else f"--controller {each.interpolation.name} ")
         + f"--cycle {each.rows.name} --keep-limits "
-        f"({len(each.table.t)} rows, {100 * (each.slowed - 1):.2g} % slower)"
+        f"({len(each.table.t)} rows, {percent(each.slowed - 1)} slower)"
         for each in found
     ] + ([] if scene.task.is_at_rest else [_LATE])
