@@ -85,6 +85,7 @@ def draw_map(file: Path, title: str, table: Any, names: Sequence[str]) -> None:
                     axes.plot(best["place.y"], best["place.z"], "*", color=BLACK, markersize=11)
             drawn.colorbar(shown, ax=list(row), label=fill(_label(name), _LETTERS), pad=0.01)
             row[0].set_ylabel("z (m)")
+        panels[0, 0].invert_yaxis()  # of all panels: from above z points down where y points right
         for axes in panels[-1]:
             axes.set_xlabel("y (m)")
 

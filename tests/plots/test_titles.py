@@ -223,6 +223,8 @@ def test_labels_of_a_map_do_not_collide_and_numbers_keep_their_units(
     assert not re.search(r"\d\n[sm%](?!\w)|=\n", title), title
     bars = [axes for axes in drawn[-1].axes if axes.get_label() == "<colorbar>"]
     assert len(bars) == 3
+    panels = [axes for axes in drawn[-1].axes if axes not in bars]
+    assert all(axes.yaxis_inverted() for axes in panels)  # from above: y right, z down
     for bar in bars:
         label = bar.yaxis.label.get_window_extent()
         assert label.height <= bar.get_window_extent().height
