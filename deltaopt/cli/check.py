@@ -60,6 +60,7 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.report.modelled import not_modelled
 from deltaopt.robot.catalogue import Reduction, reductions
 from deltaopt.robot.drive import Drive, Friction
+from deltaopt.robot.joints import controller_angles_in_words
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.feasibility import are_surely_feasible, check_feasible, perhaps_meant
@@ -110,7 +111,8 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.json:
             print_json({"robot": robot.model_dump(mode="json", exclude_none=True)})
             return 0
-        print("\n".join([f"{'robot':<13}{robot.name}", *drive_table(robot.drive)]))
+        angles = [f"{'angles':<13}{told}" for told in controller_angles_in_words(robot.joints)]
+        print("\n".join([f"{'robot':<13}{robot.name}", *angles, *drive_table(robot.drive)]))
         return 0
     if not has_cycle(arguments.scene):
         return _check(arguments, load_scene(arguments.scene), {})
@@ -141,7 +143,8 @@ def _check(arguments: argparse.Namespace, scene: Scene, which: dict[str, object]
         print_json(which | _as_dict(arguments.scene, scene, verdict))
         return 0
     of_robot, of_task, *rest = _description(scene)
-    for name, text in (("verdict", verdict), of_robot, of_task, *_bodies(scene), *rest):
+    angles = (("angles", told) for told in controller_angles_in_words(scene.robot.joints))
+    for name, text in (("verdict", verdict), of_robot, *angles, of_task, *_bodies(scene), *rest):
         print(f"{name:<13}{text}")
     print("\n".join(["", *drive_table(scene.robot.drive), *_duty_of_baseline(scene)]))
     print(f"\n{limits_table(scene)}")

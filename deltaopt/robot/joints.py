@@ -89,3 +89,15 @@ class Joints(Record):
     def rate_from_controller(self, rate: ArrayLike) -> Array:
         """The model's speeds, accelerations or torques of the controller's, (N, 3)."""
         return self.rate_to_controller(rate)  # a sign is its own inverse
+
+
+def controller_angles_in_words(joints: Joints | None) -> list[str]:
+    """How the controller counts angles, where not as the model does; in degrees, in which a zero
+    that lacks its unit is seen."""
+    if joints is None or not (joints.zeros.any() or (joints.signs < 0).any()):
+        return []
+    at_zero = np.rad2deg(joints.angle_from_controller(0.0)) + 0.0  # of -0.0 too
+    values = ", ".join(f"{each:.6g}" for each in at_zero)
+    turned = [f"{index}" for index, sign in enumerate(joints.signs, 1) if sign < 0]
+    counted = f"; it counts downwards: motor {', '.join(turned)}" if turned else ""
+    return [f"where the controller's are 0 the model's are {values} degrees{counted}"]

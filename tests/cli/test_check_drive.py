@@ -38,6 +38,19 @@ def test_every_step_from_the_catalogue_to_the_arm(capsys):
     assert out[out.index("drive, at the arm") :] in page
 
 
+def test_the_zeros_and_signs_of_the_controller_are_told_in_degrees(capsys, tmp_path):
+    """In which a zero that lacks its unit is seen."""
+    robot = yaml.safe_load((PROBLEMS / "robots/industrial.yaml").read_text())
+    for zero, told in (("[5.328 deg, 0 deg, -3 deg]", "-5.328, 0, 3"), (5.328, "-305.272, " * 3)):
+        joints = {"zero": yaml.safe_load(str(zero)), "sign": [1, 1, -1]}
+        (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot | {"joints": joints}))
+        assert main(["check", str(tmp_path / "robot.yaml")]) == 0
+        line = capsys.readouterr().out.splitlines()[1]
+        assert f"the model's are {told.strip(', ')} degrees; it counts downwards: motor 3" in line
+    assert main(["check", str(PROBLEMS / "robots/industrial.yaml")]) == 0
+    assert "angles" not in capsys.readouterr().out
+
+
 def test_the_baselines_duty_where_motors_are_rated(capsys, tmp_path):
     robot = yaml.safe_load((PROBLEMS / "robots/industrial.yaml").read_text(encoding="utf-8"))
     robot["drive"] = {"torque": 40.0, "rms_torque": 20.0, "friction": {"viscous": 0.5}}
