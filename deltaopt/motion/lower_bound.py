@@ -98,17 +98,18 @@ class _Way:
 
     @classmethod
     def of(cls, scene: Scene, points: tuple[Vector3, Vector3]) -> _Way | None:
-        """Between two points, m; None where these are one, or the model has something that may act
-        without bound, or that is not known."""
+        """Between two points, m; None where these are one but for rounding, or the model has
+        something that may act without bound, or that is not known."""
         model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
         energies, ends = model.energies, np.array(points)
-        if energies is None or (ends[0] == ends[1]).all():
-            return None
         start, goal = model.inverse_kinematics(ends)[:, model.functions.motors]
+        arms = np.abs(goal - start)
+        if energies is None or not arms.any():
+            return None
         gravity = np.array(scene.robot.gravity_vector)
         return cls(
             platform=ends[1] - ends[0],
-            arms=np.abs(goal - start),
+            arms=arms,
             energies=energies,
             weight=(energies.mass + energies.bars / 2) * gravity,
             torque=_upper(limits, "torque", 3) + energies.gravity + energies.pushing,

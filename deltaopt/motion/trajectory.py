@@ -269,6 +269,17 @@ def goal_of(problem: Problem, trajectory: Trajectory) -> Boundary:
     return problem.goal.at(trajectory.duration, end_of(trajectory.position))
 
 
+def off_its_ends(problem: Problem, trajectory: Trajectory) -> float:
+    """How far a motion is off what a problem asks for at its ends, and by how much acceleration
+    jumps where it may not, in m and m in its duration."""
+    ends, T = (problem.start, goal_of(problem, trajectory)), trajectory.duration
+    asked = [(end.position, end.velocity, end.acceleration) for end in ends]
+    found = np.stack(trajectory.path_inside([0.0, 1.0]), axis=1)[[0, -1]]
+    off = np.abs(found - asked).max(axis=(0, 2)) * np.array([1.0, T, T**2])
+    off[2] += trajectory.acceleration_jump * T**2
+    return float(off[: problem.limits.constraints.order].max())
+
+
 def ends_of(problem: Problem, trajectory: Trajectory) -> Array:
     """Where a problem asks a motion to begin and to end, (2, 3), m."""
     return np.array([problem.start.position, goal_of(problem, trajectory).position])

@@ -4,24 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import inf
-
-import numpy as np
+from math import dist, inf
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import NO_PLAN, if_possible
-from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.time_scaling import highest_rows
-from deltaopt.motion.trajectory import Trajectory, end_of, moving_on
+from deltaopt.motion.trajectory import Trajectory, moving_on, off_its_ends, passes
 from deltaopt.planning.first_motions.around_bodies import is_clear
-from deltaopt.planning.first_motions.moving_ends import from_rest
+from deltaopt.planning.first_motions.moving_ends import from_end_of
 from deltaopt.planning.mesh.kept_limits import KEPT
-from deltaopt.planning.plan import Plan, plan_as_it_is
-from deltaopt.problem.boundary import REST
+from deltaopt.planning.plan import Plan, plan_as_it_is, quicker
 from deltaopt.problem.of_scene import problem_of
+from deltaopt.problem.problem import Problem
 from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import Task
 
 _AT_LEAST = 0.97
 """What a plan takes at least, as a share of the motion on its first mesh alone, which is found in a
@@ -30,7 +26,7 @@ motions planned that are not shorter."""
 _NO_JUMP = 1e-6
 """A jump of acceleration that is none, m/s²."""
 _NO_WAY = 1e-11
-"""A way that is none, m: of a motion that ends at the new goal already."""
+"""What a motion may be off the new goal that ends there already, m, and in its duration."""
 
 
 def finished_first(
@@ -41,20 +37,23 @@ def finished_first(
     planned: Callable[[Scene], Plan],
     roughly: Callable[[Scene], float],
 ) -> Plan | None:
-    """The motion under way to its end and then one from rest to rest, if that is shorter than
-    what was ``found`` instead; None if not, if the goal moves, or if it breaks a limit.
+    """The motion under way to its end and then, unless it leads to the goal, one from rest to rest,
+    if that is shorter than what was ``found`` instead; None if not, if the goal or the end of that
+    motion moves elsewhere, or if it breaks a limit.
 
     ``tolerance``: that was asked for. ``planned``: plans the scene from rest to rest. ``roughly``:
     about how long that takes, s.
-    Its gap is infinite: how much longer it is than the best is not known.
+    Its gap is infinite, unless what was found tells it: how much longer it is than the best is not
+    known.
     """
     left = float(under_way.knots[-1])
     if found is not None and found.duration <= left:
         return None
-    end = end_of(under_way)
-    if _is_goal(scene.task, end):
-        return _finished(scene, under_way, tolerance)
-    rest = from_rest(scene, end)
+    motion = Trajectory(under_way, model_of(scene.robot, scene.payload))
+    if _is_asked_for(problem_of(scene), motion):
+        finished = _finished(scene, motion, tolerance)
+        return quicker(finished, found) if finished and found else finished
+    rest = from_end_of(scene, under_way)
     if rest.moves_at_ends:
         return None
     if found is not None and found.duration <= left + _AT_LEAST * roughly(rest):
@@ -78,24 +77,21 @@ def finished_first(
     )
 
 
-def _is_goal(task: Task, end: Vector3) -> bool:
-    """Whether the motion under way leads to the goal of a task: where it ends (m) is the goal, or
-    the goal is anywhere."""
-    if task.goal.is_anywhere:
-        return True
-    if task.gates or not task.goal.is_given or task.goal.velocity != REST:
+def _is_asked_for(problem: Problem, motion: Trajectory) -> bool:
+    """Whether the motion under way passes the via points of a problem and ends as that asks."""
+    if len(motion.knots) < len(problem.boundaries):
         return False
-    return bool(np.linalg.norm(np.subtract(end, task.goal.position)) < _NO_WAY)
+    places = motion.position.at(passes(problem, motion))
+    off = [dist(x, via.position) - via.within for x, via in zip(places, problem.gates, strict=True)]
+    return max([off_its_ends(problem, motion), *off]) < _NO_WAY
 
 
-def _finished(scene: Scene, under_way: PiecewisePolynomial, tolerance: float) -> Plan | None:
-    """The motion under way to its end, where that is the goal; None if it breaks a limit."""
-    motion = Trajectory(under_way, model_of(scene.robot, scene.payload))
-    trajectory = moving_on(problem_of(scene), motion)
-    if not _is_kept(scene, trajectory):
+def _finished(scene: Scene, motion: Trajectory, tolerance: float) -> Plan | None:
+    """The motion under way, which leads to the goal; None if it breaks a limit."""
+    if not _is_kept(scene, motion):
         return None
     origin = "the motion under way"
-    return plan_as_it_is(scene, trajectory, tolerance, origin, origin, "Finished")
+    return plan_as_it_is(scene, motion, tolerance, origin, origin, "Finished")
 
 
 def _is_kept(scene: Scene, trajectory: Trajectory) -> bool:

@@ -8,8 +8,6 @@ from functools import partial
 from itertools import islice
 from math import inf
 
-import numpy as np
-
 from deltaopt.errors import (
     ENDS_AN_ATTEMPT,
     NO_PLAN,
@@ -21,7 +19,7 @@ from deltaopt.errors import (
 )
 from deltaopt.files.validated_record import vector3
 from deltaopt.motion.time_scaling import safe_factor
-from deltaopt.motion.trajectory import Trajectory, goal_of
+from deltaopt.motion.trajectory import Trajectory, off_its_ends
 from deltaopt.planning.attempts import (
     Attempt,
     Outcomes,
@@ -150,7 +148,9 @@ class Loop:
 
     def roughly(self, scene: Scene) -> float:
         """The duration of the motion on the first mesh of a scene from rest to rest, as if there
-        were neither bodies nor via points, s; 0 where none is found."""
+        were neither bodies nor via points, s; 0 where none is found, or it ends where it begins."""
+        if scene.start == scene.goal:
+            return 0.0
         scene = scene.model_copy(update={"keep_out": None, "planned_links": (), "via": None})
 
         def on_first_mesh() -> float:
@@ -272,7 +272,7 @@ def _kept(scene: Scene, motion: Trajectory) -> Trajectory | None:
     """A motion between the ends of a scene, slowed until it keeps all limits where that changes no
     end; None if it does not keep them. Raises NotConverged or what rules it out."""
     problem = problem_of(scene)
-    is_right = _off_its_ends(problem, motion) < _ROUNDING and is_clear(scene, motion)
+    is_right = _is_asked_for(problem, motion) and is_clear(scene, motion)
     if not is_right or crosses_singularity(problem, motion):
         return None
     factor = safe_factor(problem, motion)
@@ -280,6 +280,10 @@ def _kept(scene: Scene, motion: Trajectory) -> Trajectory | None:
         return safe(scene, motion, factor, "As_It_Is")
     is_kept = factor <= 1 + KEPT and motion.duration >= scene.least_duration
     return motion if is_kept else None
+
+
+def _is_asked_for(problem: Problem, motion: Trajectory) -> bool:
+    return off_its_ends(problem, motion) < _ROUNDING * motion.extent
 
 
 def _in_given_time(scene: Scene, motion: Trajectory) -> Trajectory | None:
@@ -311,22 +315,11 @@ def _in_the_way(scene: Scene, motion: Trajectory, name: str) -> tuple[float, str
     if crosses_singularity(problem, motion):
         return least, f"{name} leads through a parallel singularity"
     # A way past bodies may be one from rest to rest: of it nothing more is known.
-    is_asked_for = not problem.is_at_rest and _off_its_ends(problem, motion) < _ROUNDING
+    is_asked_for = not problem.is_at_rest and _is_asked_for(problem, motion)
     factor = if_possible(NO_PLAN, safe_factor, problem, motion) if is_asked_for else None
     if factor is None or factor == inf or factor <= 1 + KEPT:
         return least, ""
     return least, f"{name} would have to take {factor:.3g} times as long, but its ends move"
-
-
-def _off_its_ends(problem: Problem, motion: Trajectory) -> float:
-    """How far a motion is off what a problem asks for at its ends, and by how much acceleration
-    jumps where it may not, in units of how far it goes and of its duration."""
-    ends, T = (problem.start, goal_of(problem, motion)), motion.duration
-    asked = [(end.position, end.velocity, end.acceleration) for end in ends]
-    found = np.stack(motion.path_inside([0.0, 1.0]), axis=1)[[0, -1]]
-    off = np.abs(found - asked).max(axis=(0, 2)) * np.array([1.0, T, T**2])
-    off[2] += motion.acceleration_jump * T**2
-    return float(off[: problem.limits.constraints.order].max() / motion.extent)
 
 
 def or_raise(found: Plan | DeltaOptError) -> Plan:

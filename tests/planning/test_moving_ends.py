@@ -6,7 +6,19 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt import Anywhere, Belt, Planner, Scene, SceneError, State, load_scene, plan, verify
+from deltaopt import (
+    Anywhere,
+    Belt,
+    Effort,
+    Planner,
+    Scene,
+    SceneError,
+    State,
+    TimeAndEffort,
+    load_scene,
+    plan,
+    verify,
+)
 from deltaopt.planning.in_flight import finished_first
 from studies.frozen import cases
 from tests.planning.switching.test_vertical_moves import MOVES, NAMES, VerticalMove
@@ -253,6 +265,50 @@ def test_finishing_is_a_plan_where_nothing_is_found(across, goal):
     assert verify(found.scene, found.trajectory).failures() == []
     assert found.duration == pytest.approx(across.duration - share, rel=1e-12)
     assert found.sensitivities == ()
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9])
+@pytest.mark.parametrize("goal", [CROSS.goal, (0.80, 0.0, 0.0), Anywhere()], ids=str)
+@pytest.mark.parametrize("scene", [PASSED, BELT], ids=["passed state", "belt"])
+def test_what_replaces_a_motion_that_ends_moving_comes_to_rest(scene, goal, share):
+    """There is no resting at the end of that one: its platform is in motion there."""
+    old = plan(scene)
+    new = PLANNER.plan(old.trajectory(share * old.duration), goal)
+    assert verify(new.scene, new.trajectory).failures() == []
+
+
+VIA = {"at": (0.78, -0.05, 0.02), "within": 0.01}
+
+
+@pytest.mark.parametrize("via", [None, (VIA,)], ids=["free", "through a point"])
+@pytest.mark.parametrize("goal", [CROSS.goal, PASSED.goal], ids=["at rest", "passed"])
+def test_a_motion_to_the_same_goal_takes_no_longer_than_the_rest_of_it(goal, via):
+    """Also where a point is still to be passed, and where the goal is passed in motion."""
+    scene = CROSS.model_copy(update={"goal": goal, "via": via})
+    old = plan(scene)
+    for share in (0.02, 0.9, 0.95):
+        now = old.trajectory(share * (old.phases[0] if via else old.duration))
+        new = PLANNER.plan_scene(scene, start=now)
+        assert verify(new.scene, new.trajectory).failures() == []
+        assert new.duration <= (old.duration - float(now.t)) * (1 + 1e-9)
+
+
+def test_a_point_that_is_still_to_be_passed_on_the_way_to_where_the_motion_ends(across):
+    """That motion leads to the goal, but not through the point."""
+    scene = CROSS.model_copy(update={"via": ((0.70, 0.0, 0.0),)})
+    new = PLANNER.plan_scene(scene, start=across.trajectory(0.9 * across.duration))
+    assert verify(new.scene, new.trajectory).failures() == []
+
+
+@pytest.mark.parametrize(
+    "objective", [Effort(duration=0.28), TimeAndEffort(time=1.0, effort=1e-4)], ids=str
+)
+def test_finishing_is_no_plan_for_another_objective(across, objective):
+    """It is the shortest, takes another time than is given, and costs more."""
+    now = across.trajectory(0.1 * across.duration)
+    new = Planner(CROSS.robot, CROSS.payload, objective=objective).plan(now, CROSS.goal)
+    assert verify(new.scene, new.trajectory).failures() == []
+    assert new.cost == pytest.approx(plan(new.scene).cost, rel=1e-3)
 
 
 # What cannot be

@@ -8,7 +8,7 @@ least.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from math import ceil, dist
+from math import ceil, dist, hypot
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
+from deltaopt.scene.moving_ends import State
 from deltaopt.scene.scene import Scene
 
 _COARSE = np.array([2.0**k for k in range(-12, 5)])
@@ -37,7 +38,7 @@ the least wait as a share of the motion then."""
 _MOST = 100
 """By which factor a mesh may be finer for a motion that waits first. A finer one takes seconds."""
 _RESOLVED = 1e-11
-"""A way that is none, m: of a motion that ends at the goal but for rounding."""
+"""A way that is none, m: of a motion that ends at the goal, or at rest, but for rounding."""
 _NEARLY = 1.2
 """Excess over its limits with which a guess is good enough: the optimum bends away from it."""
 
@@ -146,21 +147,26 @@ def _after_waiting(start: Boundary, goal: Boundary, time: float) -> Family:
     return family
 
 
-def from_rest(scene: Scene, place: Vector3) -> Scene:
-    """The scene from rest at a place (m) instead of its start."""
-    return scene.model_copy(update={"start": place})
+def from_end_of(scene: Scene, before: PiecewisePolynomial) -> Scene:
+    """The scene from where a motion ends instead of its start: at rest or, where that moves, in its
+    state."""
+    at, v = (vector3(before.at(before.knots[-1:], order)[0]) for order in (0, 1))
+    rests = hypot(*v) * before.knots[-1] < _RESOLVED
+    return scene.model_copy(update={"start": at if rests else State(at=at, velocity=v)})
 
 
 def _onwards(scene: Scene, before: PiecewisePolynomial, most: float) -> Iterator[Trajectory]:
-    """A motion that comes to rest, and one from there to the scene's goal, if it is elsewhere."""
-    goal = scene.task.goal
-    there = goal.is_given and goal.velocity == REST
-    if goal.is_anywhere or (there and dist(end_of(before), goal.position) < _RESOLVED):
+    """A motion, and from its end one to the scene's goal, unless that is where it ends."""
+    later, T = from_end_of(scene, before), float(before.knots[-1])
+    end = later.task.start
+    goal = scene.task.goal.at(T, end.position)
+    off = dist(end.position, goal.position), T * dist(end.velocity, goal.velocity)
+    if max(off) < _RESOLVED:
         yield Trajectory(before, model_of(scene.robot, scene.payload))
         return
-    later = if_possible(RULED_OUT, first_between, from_rest(scene, end_of(before)), most)
-    if later is not None:
-        yield Trajectory(before.then(later.position), later.model)
+    then = if_possible(RULED_OUT, first_between, later, most)
+    if then is not None:
+        yield Trajectory(before.then(then.position), then.model)
 
 
 def first_between(scene: Scene, most: float = _NEARLY) -> Trajectory | None:

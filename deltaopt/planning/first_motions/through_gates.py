@@ -17,13 +17,13 @@ from deltaopt.curves.piecewise import Array, PiecewisePolynomial, spline_rates
 from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.time_scaling import rough_factor
-from deltaopt.motion.trajectory import Trajectory, end_of
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
 from deltaopt.planning.first_motions.initial_motion import Proposal
 from deltaopt.planning.first_motions.moving_ends import (
     first_between,
     first_moving_motions,
-    from_rest,
+    from_end_of,
     shortest_to_goal,
     stopping,
 )
@@ -70,7 +70,7 @@ def through_gates(scene: Scene) -> Iterator[Proposal]:
             yield Proposal("a motion that stops at each point", found)
     stop = stopping(scene) if moving else None
     if stop is not None:
-        later = from_rest(scene, end_of(stop.position))
+        later = from_end_of(scene, stop.position)
         goal = _moved(scene.goal, stop.duration)
         onwards = through_gates(later.model_copy(update={"goal": goal}))
         while (then := if_possible(RULED_OUT, next, onwards, None)) is not None:
