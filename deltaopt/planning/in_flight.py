@@ -37,11 +37,11 @@ def finished_first(
     planned: Callable[[Scene], Plan],
     roughly: Callable[[Scene], float],
 ) -> Plan | None:
-    """The motion under way to its end and then, unless it leads to the goal, one from rest to rest,
-    if that is shorter than what was ``found`` instead; None if not, if the goal or the end of that
-    motion moves elsewhere, or if it breaks a limit.
+    """The motion under way to its end and then, unless it leads to the goal, one from there, if
+    that is shorter than what was ``found`` instead; None if not, or if it breaks a limit, and where
+    something was found also if the goal or the end of that motion moves elsewhere.
 
-    ``tolerance``: that was asked for. ``planned``: plans the scene from rest to rest. ``roughly``:
+    ``tolerance``: that was asked for. ``planned``: plans the scene from there. ``roughly``:
     about how long that takes, s.
     Its gap is infinite, unless what was found tells it: how much longer it is than the best is not
     known.
@@ -54,7 +54,7 @@ def finished_first(
         finished = _finished(scene, motion, tolerance)
         return quicker(finished, found) if finished and found else finished
     rest = from_end_of(scene, under_way)
-    if rest.moves_at_ends:
+    if found is not None and rest.moves_at_ends:
         return None
     if found is not None and found.duration <= left + _AT_LEAST * roughly(rest):
         return None

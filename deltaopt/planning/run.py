@@ -60,8 +60,10 @@ from deltaopt.planning.path.path_planning import (
     through_corners,
 )
 from deltaopt.planning.plan import Plan, TakenWay, quicker
+from deltaopt.problem.boundary import REST
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.known_limits import limits_of
+from deltaopt.scene.moving_ends import Anywhere
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath, given_points
@@ -256,17 +258,39 @@ class Run(Loop):
                 scene, first_moving_motions(scene, under_way)
             )
         found = self._onto_belt(scene, found)
-        if under_way is None or not isinstance(scene.objective, Time):
-            return or_raise(found)
+        if isinstance(scene.objective, Time):
+            if not isinstance(found, Plan):
+                stopped = self._finished_first(scene, self._stop(scene), found)
+                found = self.improved(scene, stopped) if isinstance(stopped, Plan) else found
+            found = self._finished_first(scene, under_way, found)
+        return or_raise(found)
+
+    def _finished_first(
+        self, scene: Scene, under_way: PiecewisePolynomial | None, found: Plan | DeltaOptError
+    ) -> Plan | DeltaOptError:
+        """The motion under way to its end and on from there, where there is one and that is better
+        than what was ``found``."""
+        if under_way is None:
+            return found
         finished = finished_first(
             scene,
             under_way,
             found if isinstance(found, Plan) else None,
             self.optimiser.tolerance,
-            planned=lambda rest: self._plan_by_limits(rest, None),
+            planned=lambda later: self._plan_by_limits(later, None),
             roughly=self.roughly,
         )
-        return or_raise(finished or found)
+        return finished or found
+
+    def _stop(self, scene: Scene) -> PiecewisePolynomial | None:
+        """The fastest stop from a start that moves; None where none is found or another is not
+        asked for."""
+        if scene.task.start.velocity == REST or scene.task.goal.is_anywhere:
+            return None
+        self.journal.note("a stop, and on from there:")
+        stop = scene.model_copy(update={"goal": Anywhere(), "via": None})
+        found = if_possible(NO_PLAN, self._plan_by_limits, stop, None)
+        return None if found is None else found.trajectory.position
 
     def _onto_belt(self, scene: Scene, found: Plan | DeltaOptError) -> Plan | DeltaOptError:
         """What was ``found``, if it is good enough or there is no goal on a belt; otherwise the

@@ -300,6 +300,34 @@ def test_a_point_that_is_still_to_be_passed_on_the_way_to_where_the_motion_ends(
     assert verify(new.scene, new.trajectory).failures() == []
 
 
+@pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (-0.644, 0.254, -0.607)], ids=str)
+def test_a_stop_and_on_from_there_where_nothing_else_is_found(velocity):
+    """At torques near their limit, which may not jump, and too fast: every other attempt fails."""
+    given = {
+        "base_radius": 0.2306265891993697,
+        "drive": {"torque": 34.651200036927754, "speed": 10},
+    }
+    given["upper_arm"] = {"length": 0.17372125411599498, "mass": 1.0}
+    given["forearm"] = {"length": 0.6397784794846262, "mass": 0.4}
+    start = State(
+        at=(0.5951665356145185, -0.1260325074969203, -0.004383001520634599),
+        velocity=(-1.9068543852320152, 0.45641049893642044, 0.01708420495737742),
+        acceleration=(-27.065260465447157, 13.409397976561763, 0.5361319163840873),
+    )
+    scene = Scene(
+        robot=CROSS.robot.model_copy(update=given),
+        payload=1.2355410278912609,
+        start=start,
+        goal=State(at=(0.587, 0.148, 0.02), velocity=velocity),
+        limits={"torque_rate": 4331.400004615969},
+    )
+    stop = plan(scene.model_copy(update={"goal": Anywhere()}))
+    onwards = plan(scene.model_copy(update={"start": stop.reached}))
+    found = plan(scene)
+    assert verify(found.scene, found.trajectory).failures() == []
+    assert found.duration <= (stop.duration + onwards.duration) * (1 + 1e-9)
+
+
 @pytest.mark.parametrize(
     "objective", [Effort(duration=0.28), TimeAndEffort(time=1.0, effort=1e-4)], ids=str
 )

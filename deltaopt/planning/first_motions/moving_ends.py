@@ -23,7 +23,7 @@ from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
-from deltaopt.scene.moving_ends import State
+from deltaopt.scene.moving_ends import Belt, End, State
 from deltaopt.scene.scene import Scene
 
 _COARSE = np.array([2.0**k for k in range(-12, 5)])
@@ -148,18 +148,24 @@ def _after_waiting(start: Boundary, goal: Boundary, time: float) -> Family:
 
 
 def from_end_of(scene: Scene, before: PiecewisePolynomial) -> Scene:
-    """The scene from where a motion ends instead of its start: at rest or, where that moves, in its
-    state."""
+    """The scene from where and when a motion ends instead of its start: at rest or, where that
+    moves, in its state."""
     at, v = (vector3(before.at(before.knots[-1:], order)[0]) for order in (0, 1))
-    rests = hypot(*v) * before.knots[-1] < _RESOLVED
-    return scene.model_copy(update={"start": at if rests else State(at=at, velocity=v)})
+    T = float(before.knots[-1])
+    start = at if T * hypot(*v) < _RESOLVED else State(at=at, velocity=v)
+    return scene.model_copy(update={"start": start, "goal": moved(scene.goal, T)})
+
+
+def moved(goal: End, since: float) -> End:
+    """A goal as it is after a time, s: a belt has moved."""
+    return goal.after(since) if isinstance(goal, Belt) else goal
 
 
 def _onwards(scene: Scene, before: PiecewisePolynomial, most: float) -> Iterator[Trajectory]:
     """A motion, and from its end one to the scene's goal, unless that is where it ends."""
     later, T = from_end_of(scene, before), float(before.knots[-1])
     end = later.task.start
-    goal = scene.task.goal.at(T, end.position)
+    goal = later.task.goal.at(0.0, end.position)
     off = dist(end.position, goal.position), T * dist(end.velocity, goal.velocity)
     if max(off) < _RESOLVED:
         yield Trajectory(before, model_of(scene.robot, scene.payload))

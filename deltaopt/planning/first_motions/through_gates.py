@@ -24,6 +24,7 @@ from deltaopt.planning.first_motions.moving_ends import (
     first_between,
     first_moving_motions,
     from_end_of,
+    moved,
     shortest_to_goal,
     stopping,
 )
@@ -31,7 +32,6 @@ from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
 from deltaopt.scene.feasibility import room_at_rest
-from deltaopt.scene.moving_ends import Belt, End
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_goal
 
@@ -70,9 +70,7 @@ def through_gates(scene: Scene) -> Iterator[Proposal]:
             yield Proposal("a motion that stops at each point", found)
     stop = stopping(scene) if moving else None
     if stop is not None:
-        later = from_end_of(scene, stop.position)
-        goal = _moved(scene.goal, stop.duration)
-        onwards = through_gates(later.model_copy(update={"goal": goal}))
+        onwards = through_gates(from_end_of(scene, stop.position))
         while (then := if_possible(RULED_OUT, next, onwards, None)) is not None:
             yield Proposal(f"a stop, then {then.name}", stop.then(then.motion))
 
@@ -166,18 +164,13 @@ def _spline(points: Array, lengths: Array, first: Array, last: Array) -> Piecewi
     return PiecewisePolynomial.hermite(np.append(0.0, np.cumsum(lengths)), points, v)
 
 
-def _moved(goal: End, since: float) -> End:
-    """A goal as it is after a time, s: a belt has moved."""
-    return goal.after(since) if isinstance(goal, Belt) else goal
-
-
 def _stopping_at_each(scene: Scene, places: Array) -> Trajectory | None:
     """The motion that stops at each of the places in turn; None if there is none."""
     stops: list[Vector3] = [(x, y, z) for x, y, z in places.tolist()]
     ends = zip([scene.start, *stops], [*stops, scene.goal], strict=True)
     whole: Trajectory | None = None
     for start, goal in ends:
-        now = _moved(goal, 0.0 if whole is None else whole.duration)
+        now = moved(goal, 0.0 if whole is None else whole.duration)
         leg = first_between(scene.model_copy(update={"start": start, "goal": now, **_ALONE}))
         if leg is None:
             return None
