@@ -14,9 +14,11 @@ from deltaopt.planning.first_motions.around_bodies import is_clear
 from deltaopt.planning.first_motions.moving_ends import from_end_of
 from deltaopt.planning.mesh.kept_limits import KEPT
 from deltaopt.planning.plan import Plan, plan_as_it_is, quicker
+from deltaopt.problem.boundary import REST
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
 from deltaopt.robot.model import model_of
+from deltaopt.scene.moving_ends import Anywhere
 from deltaopt.scene.scene import Scene
 
 _AT_LEAST = 0.97
@@ -31,21 +33,24 @@ _NO_WAY = 1e-11
 
 def finished_first(
     scene: Scene,
-    under_way: PiecewisePolynomial,
+    under_way: PiecewisePolynomial | None,
     found: Plan | None,
     tolerance: float,
     planned: Callable[[Scene], Plan],
     roughly: Callable[[Scene], float],
 ) -> Plan | None:
     """The motion under way to its end and then, unless it leads to the goal, one from there, if
-    that is shorter than what was ``found`` instead; None if not, or if it breaks a limit, and where
-    something was found also if the goal or the end of that motion moves elsewhere.
+    that is shorter than what was ``found`` instead; None if not, if nothing is under way, or if it
+    breaks a limit, and where something was found also if the goal or the end of that motion moves
+    elsewhere.
 
     ``tolerance``: that was asked for. ``planned``: plans the scene from there. ``roughly``:
     about how long that takes, s.
     Its gap is infinite, unless what was found tells it: how much longer it is than the best is not
     known.
     """
+    if under_way is None:
+        return None
     left = float(under_way.knots[-1])
     if found is not None and found.duration <= left:
         return None
@@ -75,6 +80,16 @@ def finished_first(
         resolved=False,
         multipliers=None,
     )
+
+
+def stop_of(scene: Scene, planned: Callable[[Scene], Plan]) -> PiecewisePolynomial | None:
+    """The fastest stop from a start that moves, if it is ``planned``; None from rest, and where a
+    stop is what is asked for."""
+    if scene.task.start.velocity == REST or scene.task.goal.is_anywhere:
+        return None
+    stop = scene.model_copy(update={"goal": Anywhere(), "via": None})
+    found = if_possible(NO_PLAN, planned, stop)
+    return None if found is None else found.trajectory.position
 
 
 def _is_asked_for(problem: Problem, motion: Trajectory) -> bool:

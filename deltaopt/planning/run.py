@@ -48,7 +48,7 @@ from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.first_motions.passages import paths_of_lines
 from deltaopt.planning.first_motions.through_gates import simple_motions, through_gates
 from deltaopt.planning.formulations.choice import Flat
-from deltaopt.planning.in_flight import finished_first
+from deltaopt.planning.in_flight import finished_first, stop_of
 from deltaopt.planning.links_clear import keeping_links_clear
 from deltaopt.planning.loop import USUAL, Loop, or_raise
 from deltaopt.planning.past_bodies.legs import proposed_in_legs
@@ -60,10 +60,8 @@ from deltaopt.planning.path.path_planning import (
     through_corners,
 )
 from deltaopt.planning.plan import Plan, TakenWay, quicker
-from deltaopt.problem.boundary import REST
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.known_limits import limits_of
-from deltaopt.scene.moving_ends import Anywhere
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath, given_points
@@ -259,38 +257,19 @@ class Run(Loop):
             )
         found = self._onto_belt(scene, found)
         if isinstance(scene.objective, Time):
-            if not isinstance(found, Plan):
-                stopped = self._finished_first(scene, self._stop(scene), found)
-                found = self.improved(scene, stopped) if isinstance(stopped, Plan) else found
-            found = self._finished_first(scene, under_way, found)
+            planned = partial(self._plan_by_limits, under_way=None)
+            first = partial(
+                finished_first,
+                scene,
+                tolerance=self.optimiser.tolerance,
+                planned=planned,
+                roughly=self.roughly,
+            )
+            if isinstance(found, DeltaOptError):
+                stopped = first(stop_of(scene, planned), None)
+                found = self.improved(scene, stopped) if stopped else found
+            found = first(under_way, found if isinstance(found, Plan) else None) or found
         return or_raise(found)
-
-    def _finished_first(
-        self, scene: Scene, under_way: PiecewisePolynomial | None, found: Plan | DeltaOptError
-    ) -> Plan | DeltaOptError:
-        """The motion under way to its end and on from there, where there is one and that is better
-        than what was ``found``."""
-        if under_way is None:
-            return found
-        finished = finished_first(
-            scene,
-            under_way,
-            found if isinstance(found, Plan) else None,
-            self.optimiser.tolerance,
-            planned=lambda later: self._plan_by_limits(later, None),
-            roughly=self.roughly,
-        )
-        return finished or found
-
-    def _stop(self, scene: Scene) -> PiecewisePolynomial | None:
-        """The fastest stop from a start that moves; None where none is found or another is not
-        asked for."""
-        if scene.task.start.velocity == REST or scene.task.goal.is_anywhere:
-            return None
-        self.journal.note("a stop, and on from there:")
-        stop = scene.model_copy(update={"goal": Anywhere(), "via": None})
-        found = if_possible(NO_PLAN, self._plan_by_limits, stop, None)
-        return None if found is None else found.trajectory.position
 
     def _onto_belt(self, scene: Scene, found: Plan | DeltaOptError) -> Plan | DeltaOptError:
         """What was ``found``, if it is good enough or there is no goal on a belt; otherwise the

@@ -122,7 +122,8 @@ def require_state(
     ``is_given``: whether it is the scene's own, perhaps with its coordinates in another order."""
     point, at_rest = end.position, end.velocity == REST
     velocity = None if at_rest and orders > 1 else np.array([end.velocity])
-    if _surely(scene, np.array([point]), velocity).all():
+    is_looked_at = scene.has_rates and orders > 1 and not end.is_rest_at_a_point
+    if not is_looked_at and _surely(scene, np.array([point]), velocity).all():
         return
     model, still = model_of(scene.robot, scene.payload), np.zeros(3)
     try:
@@ -133,10 +134,11 @@ def require_state(
     if velocity is None:
         model.inverse_dynamics(point, still, still)
     place, how = f"at {in_words(point)} m the", f"at {in_words(end.velocity)} m/s "
+    how += f"and {in_words(end.acceleration)} m/s² " if scene.has_rates else ""
     for sentence in _too_near(scene, point) if at_rest else ():
         raise Infeasible(f"{name}: {place} tool {sentence}")
     for sentence in exceeded(scene, end, orders):
-        moving = "" if orders == 1 else "at rest " if at_rest else how
+        moving = "" if orders == 1 else "at rest " if end.is_rest_at_a_point else how
         raise Infeasible(f"{name}: {moving}{place} {sentence}")
     try:  # in a serial singularity the platform's motion does not determine that of the chains
         model.motion(point, still, still)
@@ -259,29 +261,31 @@ def _measures(scene: Scene, end: Boundary) -> Array:
     """The measures of all limits with the platform in a state, (rows,), each in its unit."""
     model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
     function = _measures_of(model.functions, limits.constraints)
-    given = end.position, end.velocity, model.parameters, limits.numbers
+    given = end.position, end.velocity, end.acceleration, model.parameters, limits.numbers
     return np.array(function(*given)).ravel()
 
 
 @lru_cache(maxsize=64)
 def _measures_of(functions: Functions, constraints: Constraints) -> ca.Function:
-    """(x, v, p, numbers of the limits) -> the measures of all limits, (rows,)."""
-    x, v, still = ca.SX.sym("x", 3), ca.SX.sym("v", 3), ca.SX.zeros(3)
+    """(x, v, a, p, numbers of the limits) -> the measures of all limits, (rows,)."""
+    x, v, a = (ca.SX.sym(name, 3) for name in "xva")
     p, numbers = functions.symbols(), constraints.numbers()
-    motion = CoordinateInstant.general(functions, x, v, still, p, still)
-    return ca.Function("measures", [x, v, p, numbers], [constraints.measures(motion, numbers)])
+    motion = CoordinateInstant.general(functions, x, v, a, p, ca.SX.zeros(3))
+    return ca.Function("measures", [x, v, a, p, numbers], [constraints.measures(motion, numbers)])
 
 
 def exceeded(scene: Scene, end: Boundary, orders: int = 3) -> Iterator[str]:
     """A phrase for each limit that is exceeded with the platform in a state: those of torque and
-    acceleration only if it is at rest, for else these are not known yet.
+    acceleration only if it is at rest or if acceleration is continuous, for else these are not
+    known yet.
 
     ``orders``: of limits that count, below this one.
     """
     limits, found = limits_of(scene), _measures(scene, end)
     constraints, row_orders = limits.constraints, limits.constraints.orders
+    is_known = scene.has_rates or end.velocity == REST
     for row, (value, lower, upper) in enumerate(zip(found, *limits.bounds, strict=True)):
-        if row_orders[row] >= orders or (end.velocity != REST and row_orders[row] > 1):
+        if row_orders[row] >= (orders if is_known else min(orders, 2)):
             continue
         rounding = _ROUNDING if end.velocity == REST else _PLANNED * max(1.0, abs(value))
         if not lower - rounding <= value <= upper + rounding:

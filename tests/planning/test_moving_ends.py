@@ -9,6 +9,7 @@ import deltaopt
 from deltaopt import (
     Anywhere,
     Belt,
+    DeltaModel,
     Effort,
     Planner,
     Scene,
@@ -19,6 +20,7 @@ from deltaopt import (
     plan,
     verify,
 )
+from deltaopt.errors import Infeasible
 from deltaopt.planning.in_flight import finished_first
 from studies.frozen import cases
 from tests.planning.switching.test_vertical_moves import MOVES, NAMES, VerticalMove
@@ -368,6 +370,19 @@ def test_refused(given, says):
     with pytest.raises(SceneError) as error:
         Scene(**{"robot": CROSS.robot, "start": CROSS.start, "goal": CROSS.goal, **given})
     assert says in str(error.value)
+
+
+@pytest.mark.parametrize("end", ["start", "goal"])
+def test_a_state_whose_own_acceleration_takes_too_much_torque_is_refused(end):
+    """Where acceleration is continuous; the torque is that of inverse dynamics."""
+    at, v, a = (0.75, -0.12, 0.04), (-1.1, 2.3, -1.4), (200.0, 64.0, -15.0)
+    tau = DeltaModel(CROSS.robot, CROSS.payload).inverse_dynamics(*np.array([[at], [v], [a]]))[0]
+    motor = int(np.flatnonzero(np.abs(tau) > 40.0)[0])
+    state = State(at=at, velocity=v, acceleration=a)
+    scene = CROSS.model_copy(update={"limits": {"torque_rate": 4000.0}, end: state})
+    says = f"{end}: .*200, 64, -15.* the torque of motor {motor + 1} is {tau[motor]:.4g} N·m"
+    with pytest.raises(Infeasible, match=says):
+        plan(scene)
 
 
 def test_a_start_that_is_too_fast_is_refused():
