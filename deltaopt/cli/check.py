@@ -29,11 +29,11 @@ from pathlib import Path
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.cli.arguments import WrongUsage, add_json, add_output, output_directory
 from deltaopt.cli.streams import new_files, print_json
 from deltaopt.codegen.compile import describe
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import (
     NO_PLAN,
     RULED_OUT,
@@ -71,8 +71,6 @@ from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import has_cycle, load_cycle, load_scene
 from deltaopt.scene.task import distance, ends_in_words
 from deltaopt.verify.measures import MeasuredMotion
-
-Array = NDArray[np.float64]
 
 _ORDERS = ("position", "velocity", "acceleration or torque", "rate of these")
 _ROUGH = 0.1

@@ -11,11 +11,9 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.codegen.compile import library
-
-Array = NDArray[np.float64]
+from deltaopt.curves.piecewise import Array
 
 C_TEXT = """\
 #include <math.h>

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from deltaopt.codegen.compile import library
 from deltaopt.codegen.simd_c import LANES, VECTOR, c_function
+from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.settings import holds_numbers
 
-Array = NDArray[np.float64]
-Checked = tuple[tuple[Array, ...], NDArray[np.bool] | None]
+Checked = tuple[tuple[Array, ...], Truths | None]
 """Results, and at which points a guard fails, (N,); None for nowhere."""
 
 _FEW = 64
@@ -102,7 +102,7 @@ class RowFunction:
         if not self.guarded:
             return results, None
         *others, guards = results
-        failed: NDArray[np.bool] = ~np.all(np.atleast_2d(guards) >= 0, axis=1)
+        failed: Truths = ~np.all(np.atleast_2d(guards) >= 0, axis=1)
         return tuple(others), failed if failed.any() else None
 
     @cached_property

@@ -18,13 +18,10 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.dynamics.formulation import state, symbols
-from deltaopt.dynamics.linear import LeastNorm
+from deltaopt.dynamics.linear import Array, LeastNorm
 from deltaopt.dynamics.mechanism import SX, Mechanism
-
-Array = NDArray[np.float64]
 
 NEGLIGIBLE = 1e-8
 """Singular values below this part of the largest count as zero."""

@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from deltaopt.dynamics.consistency import Array
+from deltaopt.dynamics.linear import Array
 from deltaopt.interrupts.requests import requests_held
 
 _PRECISE: dict[str, Any] = {

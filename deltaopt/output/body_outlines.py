@@ -6,13 +6,11 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.robot.tool import Box, Sphere
 from deltaopt.scene.bodies import Body, Cylinder, HalfSpace
 from deltaopt.scene.scene import Scene
-
-Array = NDArray[np.float64]
 
 _ROUND = 48
 """Points around a circle."""

@@ -7,10 +7,10 @@ from functools import cached_property, lru_cache, singledispatch
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deltaopt.codegen.vectorised import Checked, RowFunction
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.errors import Unreachable, in_words
@@ -206,7 +206,7 @@ class DeltaModel(Model):
         (distances,) = self._rows.serial_distances(x, parameters=self.parameters)
         return distances[..., 3:]
 
-    def closes(self, x: ArrayLike) -> NDArray[np.bool]:
+    def closes(self, x: ArrayLike) -> Truths:
         """Whether all chains close, away from serial singularities, with the platform at x, (N,).
 
         x: (N, 3), m.
@@ -321,7 +321,7 @@ class DeltaModel(Model):
     def _checked(self, function: RowFunction, *arguments: ArrayLike) -> Checked:
         return function.with_failures(*arguments, parameters=self.parameters)
 
-    def _doubtful(self, x: ArrayLike, failed: NDArray[np.bool]) -> DoubtfulPoints:
+    def _doubtful(self, x: ArrayLike, failed: Truths) -> DoubtfulPoints:
         """The points whose guards failed. Raises Unreachable."""
         places = np.flatnonzero(failed)
         (q,), unreached = self._checked(self._rows.inverse_kinematics, rows_at(x, places))
@@ -331,7 +331,7 @@ class DeltaModel(Model):
             self._require_reach(x, everywhere)
         return DoubtfulPoints(places, q)
 
-    def _require_reach(self, x: ArrayLike, failed: NDArray[np.bool]) -> None:
+    def _require_reach(self, x: ArrayLike, failed: Truths) -> None:
         point = np.broadcast_to(np.asarray(x, dtype=float), (len(failed), 3))[np.argmax(failed)]
         what = "the tool's point" if any(self.robot.tool_offset) else "the platform"
         raise Unreachable(

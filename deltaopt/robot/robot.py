@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
 from deltaopt.files.units import GRAVITY, INERTIA, LENGTH, MASS, SMALL_MASS, WIDTH
 from deltaopt.files.validated_record import (
@@ -194,7 +194,7 @@ class Robot(Machine):
         """Of the platform, without pins, tool and payload, kg."""
         return self.platform.mass
 
-    def on_axis(self, depth: float) -> NDArray[np.float64]:
+    def on_axis(self, depth: float) -> Array:
         """The tool's point, (3,), m, with the platform on the robot's axis, at a depth from 0
         (chains folded) to 1 (stretched)."""
         arm, bars = self.upper_arm.length, self.forearm.length

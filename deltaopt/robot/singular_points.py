@@ -7,10 +7,10 @@ from functools import cache, cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deltaopt.codegen.vectorised import RowFunction
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Index, Truths
 from deltaopt.errors import Singular, Singularity
 from deltaopt.mechanisms.delta.singularities import margins
 
@@ -36,7 +36,7 @@ class DoubtfulPoints:
     """Points that may be in or near a singularity: their ``places`` among all points, and their
     coordinates ``q``, (n, 12)."""
 
-    places: NDArray[np.intp]
+    places: Index
     q: Array
 
     def of(self, argument: ArrayLike) -> Array:
@@ -50,17 +50,16 @@ class DoubtfulPoints:
         return found
 
     @property
-    def near(self) -> NDArray[np.bool]:
+    def near(self) -> Truths:
         """Whether a chain is near a serial singularity, (n,)."""
-        near: NDArray[np.bool] = np.any(np.abs(self.margins[:, :6]) < NEAR, axis=1)
-        return near
+        return np.asarray(np.any(np.abs(self.margins[:, :6]) < NEAR, axis=1))
 
-    def require_serial(self, moving: NDArray[np.bool] | None = None) -> None:
+    def require_serial(self, moving: Truths | None = None) -> None:
         """Raise Singular if a point, among those ``moving``, is in a serial singularity."""
-        singular: NDArray[np.bool] = np.abs(self.margins[:, :6]) < SERIAL_LIMIT
+        singular: Truths = np.abs(self.margins[:, :6]) < SERIAL_LIMIT
         if moving is not None:
             singular &= moving[:, None]
-        anywhere: NDArray[np.bool] = np.any(singular, axis=1)
+        anywhere: Truths = np.any(singular, axis=1)
         for row, column in np.argwhere(singular)[:1]:
             kind = Singularity.SIDEWAYS if column < 3 else Singularity.IN_LINE
             self._refuse(kind, int(column) % 3 + 1, self.margins[row, column], anywhere)
@@ -68,30 +67,28 @@ class DoubtfulPoints:
     def require_parallel(self) -> None:
         """Raise Singular if a point is in a parallel singularity."""
         volumes = self.margins[:, 6]
-        singular: NDArray[np.bool] = np.abs(volumes) < PARALLEL_LIMIT
+        singular: Truths = np.abs(volumes) < PARALLEL_LIMIT
         if singular.any():
             self._refuse(Singularity.PARALLEL, None, volumes[np.argmax(singular)], singular)
 
     def _refuse(
-        self, kind: Singularity, chain: int | None, margin: float, singular: NDArray[np.bool]
+        self, kind: Singularity, chain: int | None, margin: float, singular: Truths
     ) -> None:
         places = self.places[singular]
         raise Singular(kind, chain, float(margin), f"point {places[0]}", places)
 
 
-def rows_at(argument: ArrayLike, places: NDArray[np.intp]) -> Array:
+def rows_at(argument: ArrayLike, places: Index) -> Array:
     """The rows of an argument at these places; a single point serves all places."""
     rows = np.asarray(argument, dtype=float)
     if rows.ndim == 1:
         return np.broadcast_to(rows, (len(places), len(rows)))
-    taken: Array = rows[places]
-    return taken
+    return np.asarray(rows[places])
 
 
-def still(rate: Array) -> NDArray[np.bool]:
+def still(rate: Array) -> Truths:
     """Whether velocities or accelerations, (n, 3), are zero, (n,)."""
-    still: NDArray[np.bool] = np.all(rate == 0, axis=1)
-    return still
+    return np.asarray(np.all(rate == 0, axis=1))
 
 
 @cache

@@ -5,11 +5,8 @@ from __future__ import annotations
 from math import inf
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array
-
-Index = NDArray[np.intp]
+from deltaopt.curves.piecewise import Array, Index
 
 _FLAT = 1e-9
 """Of the size of the points: what is less above a plane counts as in it, and such points are no

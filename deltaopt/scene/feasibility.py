@@ -9,9 +9,9 @@ from math import dist
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.codegen.vectorised import Array, RowFunction
+from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.errors import Infeasible, Singular, Unreachable, in_words
 from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.limits.constraints import Constraints
@@ -170,13 +170,13 @@ def room_at_rest(scene: Scene, points: Array) -> Array:
     return np.where(np.isfinite(room), room, -1.0)
 
 
-def are_surely_feasible(scene: Scene, points: Array) -> NDArray[np.bool]:
+def are_surely_feasible(scene: Scene, points: Array) -> Truths:
     """Whether the platform can be at rest at points, (N, 3), m, with room to spare, (N,): where it
     can not, a closer look may find that it just can."""
     return _surely(scene, points, None)
 
 
-def _surely(scene: Scene, x: Array, v: Array | None) -> NDArray[np.bool]:
+def _surely(scene: Scene, x: Array, v: Array | None) -> Truths:
     """``are_surely_feasible`` for a platform at points x that moves at v, (N, 3) each: only limits
     of positions and speeds count then. None for v where it is at rest."""
     back, rows, distances = _evaluated(scene, x, v)

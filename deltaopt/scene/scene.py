@@ -10,9 +10,9 @@ from functools import cached_property
 from typing import Annotated, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError, inside
 from deltaopt.files.tables import html_table
 from deltaopt.files.units import MASS, WIDTH
@@ -162,7 +162,7 @@ class Scene(Record):
         return self if self.tube is None else self.model_copy(update={"tube": None})
 
     @property
-    def axis_of_tube(self) -> NDArray[np.float64]:
+    def axis_of_tube(self) -> Array:
         """The path about which the tube is: polynomials over shares from 0 to 1 of its pieces,
         (pieces, powers, 3), m; no pieces without a tube."""
         if self.tube is None or self.path is None:

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.curves.bernstein import (
     control_points_of,
@@ -23,7 +22,7 @@ from deltaopt.curves.bernstein import (
     raised,
 )
 from deltaopt.curves.halving import surely_largest
-from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, Truths
 from deltaopt.scene.path import Path
 
 _ENOUGH = 5e-10
@@ -60,7 +59,7 @@ class _Parts:
     def __len__(self) -> int:
         return len(self.pieces)
 
-    def halved(self, which: NDArray[np.bool]) -> _Parts:
+    def halved(self, which: Truths) -> _Parts:
         """First halves of some of them, then second ones."""
         pieces, in_piece, s = self.pieces[which], self.ends[which], self.s[which]
         first, second = halves(self.points[which])

@@ -25,11 +25,10 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.nodes import collocation
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Index, Truths
 from deltaopt.errors import DeltaOptError
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.functions import Functions
@@ -39,9 +38,6 @@ from deltaopt.robot.model import model_of
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.units import way_of
-
-Integers = NDArray[np.intp]
-Truths = NDArray[np.bool]
 
 _STAGES = 8
 """Of Gauss's collocation in every interval."""
@@ -295,7 +291,7 @@ def _at_limit(rows: _Rows, sign: Array, reached: Array, h: Array) -> Truths:
     return np.hstack([fast, constant])
 
 
-def _rows_held(rows: _Rows, sign: Array, at_limit: Truths) -> Integers:
+def _rows_held(rows: _Rows, sign: Array, at_limit: Truths) -> Index:
     """What each motor holds, (K, 3): a state is held by its own motor or, if that is at its limit
     of torque, by another that is at none."""
     held, motors = np.tile(np.arange(3), (len(sign), 1)), rows.motors

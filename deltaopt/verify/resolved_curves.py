@@ -18,9 +18,8 @@ from math import pi
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array, Index
+from deltaopt.curves.piecewise import Array, Index, Truths
 from deltaopt.errors import DeltaOptError
 
 Curves = Callable[[Index, Array], Array]
@@ -76,7 +75,7 @@ class Cells:
     def __len__(self) -> int:
         return len(self.piece)
 
-    def __getitem__(self, which: Index | NDArray[np.bool]) -> Cells:
+    def __getitem__(self, which: Index | Truths) -> Cells:
         return Cells(self.piece[which], self.begin[which], self.end[which])
 
     @classmethod
@@ -248,7 +247,7 @@ class ResolvedCurves:
         )
 
 
-def _as_rough(tails: Array, before: Array) -> NDArray[np.bool]:
+def _as_rough(tails: Array, before: Array) -> Truths:
     """Whether both halves of a cell are hardly smoother than the whole, (M, c): first halves come
     before all second halves."""
     stuck = (tails > before / 4).reshape(2, -1, tails.shape[1]).all(axis=0)
