@@ -36,8 +36,7 @@ def solve_affine(equations: SX, unknown: SX) -> SX:
     """The unknowns at which as many equations, affine in them, are zero; by the adjugate
     matrix, for up to three of them."""
     rest = ca.substitute(equations, unknown, SX.zeros(unknown.numel()))
-    solution: SX = -ca.inv_minor(ca.jacobian(equations, unknown)) @ rest
-    return solution
+    return -ca.inv_minor(ca.jacobian(equations, unknown)) @ rest
 
 
 def reflect(A: SX, B: SX) -> tuple[SX, SX]:

@@ -89,8 +89,7 @@ class Distances(Limit):
 
     def _split(self, numbers: SX) -> list[SX]:
         """The numbers of each."""
-        parts: list[SX] = ca.vertsplit(numbers, self._size(numbers.numel()))
-        return parts
+        return list(ca.vertsplit(numbers, self._size(numbers.numel())))
 
     def bounds(self, numbers: SX) -> Bounds:
         each = self._split(numbers)

@@ -73,18 +73,15 @@ class Joints(Record):
 
     def angle_to_controller(self, theta: ArrayLike) -> Array:
         """The controller's angles of the model's, (N, 3), rad."""
-        angle: Array = self.signs * (np.asarray(theta, dtype=float) + self.zeros)
-        return angle
+        return np.asarray(self.signs * (np.asarray(theta, dtype=float) + self.zeros))
 
     def angle_from_controller(self, angle: ArrayLike) -> Array:
         """The model's angles of the controller's, (N, 3), rad."""
-        theta: Array = self.signs * np.asarray(angle, dtype=float) - self.zeros
-        return theta
+        return np.asarray(self.signs * np.asarray(angle, dtype=float) - self.zeros)
 
     def rate_to_controller(self, rate: ArrayLike) -> Array:
         """The controller's speeds, accelerations or torques of the model's, (N, 3)."""
-        turned: Array = self.signs * np.asarray(rate, dtype=float)
-        return turned
+        return np.asarray(self.signs * np.asarray(rate, dtype=float))
 
     def rate_from_controller(self, rate: ArrayLike) -> Array:
         """The model's speeds, accelerations or torques of the controller's, (N, 3)."""

@@ -159,8 +159,7 @@ class MeasuredMotion:
     def _motors(self, pieces: Index, fractions: Array) -> Array:
         """Speeds (rad/s), accelerations (rad/s²) and torques (N·m) of the motors, (N, 9)."""
         motion = self._motion(pieces, fractions, 1.0)
-        values: Array = self._function(*motion, parameters=self._parameters)[1]
-        return values
+        return self._function(*motion, parameters=self._parameters)[1]
 
     def _motion(self, pieces: Index, fractions: Array, speed: float | Array) -> list[Array]:
         """Position and derivatives by time of the motion at a speed, (N, 3) each."""

@@ -67,8 +67,7 @@ class Computation:
 
     def truth(self, samples: StateSamples) -> Array:
         """What should come out, (N, size)."""
-        sought: Array = getattr(samples, self.sought)
-        return sought
+        return np.asarray(getattr(samples, self.sought))
 
 
 INVERSE = Computation(

@@ -48,20 +48,17 @@ class _Printed(Mechanism):
 
     @cached_property
     def M(self) -> SX:
-        inertia: SX = ca.diagcat(self._platform * SX.eye(3), *(self._M(k) for k in range(3)))
-        return inertia
+        return ca.diagcat(self._platform * SX.eye(3), *(self._M(k) for k in range(3)))
 
     @cached_property
     def Q_gyr(self) -> SX:
-        force: SX = ca.vertcat(SX(3, 1), *(self._Q_gyr(k) for k in range(3)))
-        return force
+        return ca.vertcat(SX(3, 1), *(self._Q_gyr(k) for k in range(3)))
 
     @cached_property
     def Q(self) -> SX:
         g = SX(1, 1) if self.letters.g is None else self.letters.g
         weight = ca.vertcat(self._platform * g, SX(2, 1))  # eq. (80)
-        force: SX = ca.vertcat(weight, *(self._Q(k) for k in range(3)))
-        return force
+        return ca.vertcat(weight, *(self._Q(k) for k in range(3)))
 
     @property
     def _platform(self) -> SX:

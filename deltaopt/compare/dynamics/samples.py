@@ -73,5 +73,4 @@ def rounded(column: Matrix) -> Array:
 
 def relative_error(value: Array, truth: Array) -> Array:
     """Return the largest component of the error over the largest of the truth, (N,)."""
-    error: Array = np.abs(value - truth).max(axis=1) / np.abs(truth).max(axis=1)
-    return error
+    return np.asarray(np.abs(value - truth).max(axis=1) / np.abs(truth).max(axis=1))

@@ -98,8 +98,7 @@ class DeltaParameters:
 
     def vector(self) -> SX:
         """The parameters the model has, as a column."""
-        stacked: SX = ca.vertcat(*map(SX, self._named().values()))
-        return stacked
+        return ca.vertcat(*map(SX, self._named().values()))
 
     def _named(self) -> dict[str, SX | float]:
         """The parameters the model has, by name."""
