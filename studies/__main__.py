@@ -11,12 +11,11 @@ import argparse
 import shutil
 import sys
 import traceback
-from collections.abc import Mapping
 from pathlib import Path
 from time import perf_counter
-from typing import Protocol
+from types import ModuleType
 
-from deltaopt.cli import Command, Parser, describe, exit_code
+from deltaopt.cli import Parser, describe, exit_code
 from deltaopt.cli.streams import print_any_text
 from studies import (
     animation,
@@ -58,19 +57,7 @@ from studies.problems import PROBLEMS
 DOCS = PROBLEMS.parent / "docs"
 
 
-class Study(Command, Protocol):
-    """A module of this folder: a command whose arguments have the documented sizes as defaults.
-    ``HELP`` is its line in ``--help``."""
-
-    HELP: str
-
-    @property
-    def SMALL(self) -> Mapping[str, object]:
-        """Defaults with which it takes seconds instead."""
-        ...
-
-
-STUDIES: dict[str, Study] = {
+STUDIES: dict[str, ModuleType] = {
     "animation": animation,
     "attack": attack,
     "bench": bench,

@@ -12,7 +12,8 @@ import os
 import sys
 from collections.abc import Callable, Container
 from importlib import import_module
-from typing import Any, Protocol, cast
+from types import ModuleType
+from typing import Any
 
 from deltaopt.cli.streams import discard, flush, print_any_text, say
 from deltaopt.errors import DeltaOptError, Unusable, on_one_line
@@ -38,16 +39,6 @@ class _Version(argparse.Action):
 
         print(f"deltaopt {__version__}")
         parser.exit()
-
-
-class Command(Protocol):
-    """A subcommand: a module of this folder."""
-
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare its arguments."""
-
-    def run(self, arguments: argparse.Namespace) -> int:
-        """Run it and return the exit code."""
 
 
 COMMANDS = {
@@ -123,12 +114,13 @@ def command_line(named: Container[str] = frozenset(COMMANDS)) -> argparse.Argume
     for name, words in COMMANDS.items():
         subparser = subparsers.add_parser(name, help=words)
         if name in named:
-            describe(subparser, cast(Command, import_module(f"deltaopt.cli.{name}")))
+            describe(subparser, import_module(f"deltaopt.cli.{name}"))
     return parser
 
 
-def describe(parser: argparse.ArgumentParser, command: Command) -> None:
-    """Declare the arguments of a command, whose ``run`` the parsed ones then carry."""
+def describe(parser: argparse.ArgumentParser, command: ModuleType) -> None:
+    """Let the module of a command ``add_arguments``; the parsed ones then carry its ``run``, which
+    returns the exit code."""
     parser.description = command.__doc__
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     command.add_arguments(parser)

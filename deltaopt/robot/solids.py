@@ -8,7 +8,7 @@ numbers in the same compiled code.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from deltaopt.files.validated_record import Vector3
 
@@ -34,10 +34,6 @@ class Solid:
     is_cylinder: bool
     radius: float
 
-    def grown(self, radius: float) -> Solid:
-        """All that is within a radius of it, m."""
-        return replace(self, radius=self.radius + radius)
-
 
 @dataclass(frozen=True)
 class Polytope:
@@ -48,10 +44,6 @@ class Polytope:
 
     triangles: tuple[tuple[Vector3, Vector3, Vector3], ...]
     radius: float
-
-    def grown(self, radius: float) -> Polytope:
-        """All that is within a radius of it, m."""
-        return replace(self, radius=self.radius + radius)
 
 
 Convex = Solid | Polytope

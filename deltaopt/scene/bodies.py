@@ -13,6 +13,7 @@ In a scene file, lengths in m in the base's frame:
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import product
 from math import hypot
 from typing import Annotated, ClassVar, Self
@@ -213,23 +214,28 @@ def _sum(
         return _alone(body, np.zeros(3))
     moved = -np.array(shape.centre)
     if isinstance(shape, Sphere):
-        return _alone(body, moved).grown(shape.radius)
+        return _grown(_alone(body, moved), shape.radius)
     spread = _half_sides(shape)
     radius = 0.0 if isinstance(shape, Box) else shape.radius
     if isinstance(body, HalfSpace):
-        return _alone(body, moved, spread).grown(radius)
+        return _grown(_alone(body, moved, spread), radius)
     if isinstance(body, Sphere):
-        return _at(moved + body.centre, shape).grown(body.radius)
+        return _grown(_at(moved + body.centre, shape), body.radius)
     if isinstance(body, Cylinder):
         along = _axis(body)
         if isinstance(shape, Box) or np.linalg.norm(np.cross(along, spread[0])) > _PARALLEL:
             raise _NoClosedForm
-        return _at(moved + body.centre, body, hypot(*spread[0])).grown(radius)
+        return _grown(_at(moved + body.centre, body, hypot(*spread[0])), radius)
     if isinstance(body, Box) and all(np.count_nonzero(side) <= 1 for side in spread):
         half = np.array(body.half) + np.abs(spread).sum(axis=0)
         return Solid(ALONG_THE_BASE, vector3(moved + body.centre), vector3(half), False, radius)
     corners = _corners(body)[:, None] + _ends(spread) + moved
     return _polytope(corners.reshape(-1, 3), radius)
+
+
+def _grown(solid: Convex, radius: float) -> Convex:
+    """All that is within a radius of a solid, m."""
+    return replace(solid, radius=solid.radius + radius)
 
 
 def _alone(

@@ -162,11 +162,11 @@ class ArcProblem:
         if self._of_order(0):
             lower, upper = [zero, zero - 1], [zero, free]
         if self._of_order(1):
-            held = self.structure.velocity[self.arc][:, None]  # (n, 1, 3)
+            held = self.structure.state(1)[self.arc][:, None]  # (n, 1, 3)
             begins = np.zeros(shape, dtype=bool)
             begins[:, 0] = True
             begins[1:, 0] = (
-                self.structure.velocity[self.arc[1:]] != self.structure.velocity[self.arc[:-1]]
+                self.structure.state(1)[self.arc[1:]] != self.structure.state(1)[self.arc[:-1]]
             )
             at_limit = np.where(held != 0, held, 1.0)
             speed_lower = np.where(held == 0, -1.0, np.where(begins, at_limit, -np.inf))

@@ -280,14 +280,9 @@ class CompiledMethod:
         watched = _LOG.isEnabledFor(logging.DEBUG)
         trace = np.zeros((settings.iterations + 1, _TRACED)) if watched else None
         asked = _Settings(
-            tolerance=settings.tolerance,
-            rows=settings.row_tolerance,
-            barrier=settings.barrier,
-            closest=settings.closest,
-            iterations=settings.iterations,
+            **vars(settings) | {"rows": settings.row_tolerance},
             trace=None if trace is None else trace.ctypes.data,
             is_warm=is_warm,
-            smooth=settings.smooth,
         )
         status = self.code.solve(
             ctypes.c_int64(phases),

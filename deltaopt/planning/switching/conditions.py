@@ -194,7 +194,7 @@ class OptimalityConditions:
         within[..., :m] = self.active.is_singular()[mesh.arc][:, None]
         within[..., m : 2 * m] = self.active.follows[mesh.arc][:, None]
         if self.rows.state(1) is not None:
-            active = self.structure.velocity[mesh.arc] != 0
+            active = self.structure.state(1)[mesh.arc] != 0
             within[..., 2 * m :] = ~active[:, None]
             within[0, 0, 2 * m :] = within[-1, -1, 2 * m :] = False
             within[1:, 0, 2 * m :] &= ~active[:-1]

@@ -92,20 +92,10 @@ class _Candidate:
         """A candidate with a mesh for its structure."""
         return cls(structure, ArcMesh.of(structure, _DEGREE, more_modes), more_modes)
 
-    def with_more_modes(self) -> _Candidate:
-        """This candidate with more Legendre coefficients of singular controls."""
-        mesh = replace(self.mesh, modes=self.mesh.modes + _MORE_MODES)
-        return replace(self, mesh=mesh, more_modes=self.more_modes + _MORE_MODES)
-
     def with_lengths_of(self, found: StationaryPoint) -> _Candidate:
         """This candidate with the lengths that were found, zero where an arc is vanishing."""
         lengths = np.where(found.vanishing, 0.0, found.point.lengths / found.point.duration)
         return replace(self, structure=replace(self.structure, lengths=lengths))
-
-    @property
-    def may_have_more_modes(self) -> bool:
-        """Whether more Legendre coefficients are worth their time."""
-        return self.mesh.most_modes < _MOST_MODES
 
 
 @dataclass(frozen=True)
@@ -225,8 +215,7 @@ def _better(
         better = _restructured(candidate, residuals) or _finer(candidate, residuals, tolerance)
     else:
         better = _finer(candidate, residuals, tolerance) or _restructured(candidate, residuals)
-    may_have_more = bool(residuals.conditions.active.singular) and candidate.may_have_more_modes
-    return better or ([candidate.with_more_modes()] if may_have_more else [])
+    return better or _with_more_modes(candidate, residuals)
 
 
 def _finer(
@@ -240,11 +229,20 @@ def _finer(
     multiplier, wrong = residuals.singular_multiplier, residuals.sign_violation
     coarse = multiplier > _SINGULAR_MULTIPLIER or residuals.to_be_gained > tolerance
     coarse = coarse or CERTIFIED < wrong < 10 * multiplier
-    may_have_more = bool(residuals.conditions.active.singular) and candidate.may_have_more_modes
-    if coarse and may_have_more:
-        return [candidate.with_more_modes()]
+    if coarse and (more := _with_more_modes(candidate, residuals)):
+        return more
     new = tuple(end for end in residuals.end_values() if end not in candidate.end_values)
     return [replace(candidate, end_values=candidate.end_values + new)] if new else []
+
+
+def _with_more_modes(candidate: _Candidate, residuals: OptimalityResiduals) -> list[_Candidate]:
+    """The candidate with more Legendre coefficients of singular controls, where there are such
+    controls and more coefficients are worth their time."""
+    mesh, more = candidate.mesh, candidate.more_modes + _MORE_MODES
+    if not residuals.conditions.active.singular or mesh.most_modes >= _MOST_MODES:
+        return []
+    finer = replace(mesh, modes=mesh.modes + _MORE_MODES)
+    return [replace(candidate, mesh=finer, more_modes=more)]
 
 
 def _restructured(candidate: _Candidate, residuals: OptimalityResiduals) -> list[_Candidate]:

@@ -96,11 +96,6 @@ class SwitchingStructure:
         """Signs of the active limits of controls, (arcs, m)."""
         return np.array([[motor.control for motor in arc] for arc in self.limits], np.int8)
 
-    @cached_property
-    def velocity(self) -> Signs:
-        """Signs of the active limits of velocities, (arcs, m)."""
-        return self.state(1)
-
     def state(self, order: int) -> Signs:
         """Signs of the active state limits of order 0 (position) or 1 (velocity), (arcs, m)."""
         return np.array([[motor.states[order] for motor in arc] for arc in self.limits], np.int8)

@@ -38,7 +38,7 @@ def resolved(number: int) -> ResolvedMotion:
 def at_once(structure: SwitchingStructure) -> list[tuple[int, int]]:
     """(arc, motor) where velocity and control are at their limits."""
     return [
-        tuple(each) for each in np.argwhere((structure.velocity != 0) & (structure.control != 0))
+        tuple(each) for each in np.argwhere((structure.state(1) != 0) & (structure.control != 0))
     ]
 
 
