@@ -323,20 +323,20 @@ def limits_table(scene: Scene) -> str:
     """A table of the limits of a scene: unit, bounds, order, and whether slowing down helps."""
     limits = limits_of(scene)
     constraints, (lower, upper) = limits.constraints, limits.bounds
-    rows = [("limit", "of each", "unit", "bound", "order", "slowing helps", "")]
-    for limit, own in zip(constraints.limits, constraints.slices, strict=True):
-        rows.append(
-            (
-                limit.name,
-                limit.subject,
-                limit.unit,
-                bounds_in_words(lower[own], upper[own]),
-                f"{limit.order} ({_ORDERS[limit.order]})",
-                "yes" if constraints.slowing_exponents[own].any() else "no",
-                "" if limit.promised else "a margin of the planner's, not verified",
-            )
+    heads = ("limit", "of each", "unit", "bound", "order", "slowing helps", "")
+    rows = [
+        (
+            limit.name,
+            limit.subject,
+            limit.unit,
+            bounds_in_words(lower[own], upper[own]),
+            f"{limit.order} ({_ORDERS[limit.order]})",
+            "yes" if constraints.slowing_exponents[own].any() else "no",
+            "" if limit.promised else "a margin of the planner's, not verified",
         )
-    return "\n".join(text_table(rows))
+        for limit, own in zip(constraints.limits, constraints.slices, strict=True)
+    ]
+    return "\n".join(text_table([heads, *rows]))
 
 
 def bounds_in_words(lower: Array, upper: Array) -> str:

@@ -46,6 +46,11 @@ class RowFunction:
     guarded: bool = False
     times: int = 1
 
+    @classmethod
+    def of(cls, name: str, inputs: list[ca.SX], results: list[ca.SX]) -> RowFunction:
+        """One of expressions, without guards."""
+        return cls(dense_function(name, inputs, results))
+
     def __call__(self, *arguments: ArrayLike, parameters: Array) -> tuple[Array, ...]:
         return self.with_failures(*arguments, parameters=parameters)[0]
 
@@ -143,6 +148,11 @@ class RowFunction:
         code = ctypes.CDLL(str(built)).rows
         code.argtypes, code.restype = [ctypes.c_void_p], ctypes.c_int64
         return code
+
+
+def dense_function(name: str, inputs: list[ca.SX], results: list[ca.SX]) -> ca.Function:
+    """A function whose results have no structural zeros, and that finds once what they share."""
+    return ca.Function(name, inputs, [ca.densify(each) for each in results], {"cse": True})
 
 
 class _Memory:

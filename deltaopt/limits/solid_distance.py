@@ -63,8 +63,7 @@ def nearest_on_line() -> RowFunction:
     found = ca.substitute(
         [distance, ca.gradient(distance, x)], [x], [begin + share * (end - begin)]
     )
-    outputs = [ca.densify(each) for each in (share, *found)]
-    return RowFunction(ca.Function("nearest", [begin, end, solid], outputs, {"cse": True}))
+    return RowFunction.of("nearest", [begin, end, solid], [share, *found])
 
 
 @dataclass(frozen=True, eq=False)

@@ -129,5 +129,4 @@ def _measures(functions: Functions, constraints: Constraints) -> RowFunction:
         functions, x, v, a, functions.symbols(), jerk=rest[0] if rest else None
     )
     inputs = [*symbols, ca.vertcat(numbers, motion.p)]
-    measures = constraints.measures(motion, numbers)
-    return RowFunction(ca.Function("measures", inputs, [measures], {"cse": True}))
+    return RowFunction.of("measures", inputs, [constraints.measures(motion, numbers)])

@@ -265,11 +265,8 @@ def _loads_function(
     slope = _slope(functions, constraints, numbers, p)(x, v, a, j) if (n == MIXED).any() else None
     demands = _demands(constraints, n, at_rest, rows, slope)
     inputs = [coefficients, t, ca.vertcat(numbers, p)]
-    narrow = [motion.alignment]
-    for speed, _ in functions.layers(p):
-        narrow.append(1 + (motion.dtheta / speed) ** 2)
-    results = [rows, demands, ca.vertcat(*narrow)]
-    return RowFunction(ca.Function("loads", inputs, results, {"cse": True}))
+    turning = [1 + (motion.dtheta / speed) ** 2 for speed, _ in functions.layers(p)]
+    return RowFunction.of("loads", inputs, [rows, demands, ca.vertcat(motion.alignment, *turning)])
 
 
 def _slope(

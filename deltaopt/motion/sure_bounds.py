@@ -15,7 +15,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.codegen.vectorised import RowFunction, dense_function
 from deltaopt.curves.bernstein import control_points_of, halves, middles
 from deltaopt.curves.halving import halve_until_known
 from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, Truths
@@ -116,7 +116,7 @@ def _functions(constraints: Constraints) -> list[tuple[slice, RowFunction]]:
     measures and their derivatives by x."""
     x, functions = ca.SX.sym("x", 3), list[tuple[slice, RowFunction]]()
     for alike in constraints.alike(x):
-        outputs = [ca.densify(each) for each in (alike.measure, ca.gradient(alike.measure, x))]
-        function = ca.Function("tangents", [x, alike.own], outputs, {"cse": True})
+        outputs = [alike.measure, ca.gradient(alike.measure, x)]
+        function = dense_function("tangents", [x, alike.own], outputs)
         functions.append((alike.numbers, RowFunction(function, times=len(alike.rows))))
     return functions

@@ -29,7 +29,7 @@ from deltaopt.planning.attempts import (
     until_good,
 )
 from deltaopt.planning.first_motions.around_bodies import is_clear, with_stops
-from deltaopt.planning.first_motions.bands import sampled
+from deltaopt.planning.first_motions.bands import sampled, without_bodies
 from deltaopt.planning.first_motions.belt import not_found
 from deltaopt.planning.first_motions.initial_motion import Proposal, has_time_to_wait
 from deltaopt.planning.first_motions.moving_ends import first_moving_motions
@@ -151,7 +151,7 @@ class Loop:
         were neither bodies nor via points, s; 0 where none is found, or it ends where it begins."""
         if scene.start == scene.goal:
             return 0.0
-        scene = scene.model_copy(update={"keep_out": None, "planned_links": (), "via": None})
+        scene = without_bodies(scene).model_copy(update={"via": None})
 
         def on_first_mesh() -> float:
             attempt = Attempt(scene, first_motion(scene), self.optimiser.intervals)

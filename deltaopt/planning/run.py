@@ -41,6 +41,7 @@ from deltaopt.planning.first_motions.around_bodies import (
     is_clear,
     name_of_way,
 )
+from deltaopt.planning.first_motions.bands import without_bodies
 from deltaopt.planning.first_motions.initial_motion import Proposal
 from deltaopt.planning.first_motions.moving_ends import first_moving_motions
 from deltaopt.planning.first_motions.multistart import other_motions
@@ -302,8 +303,7 @@ class Run(Loop):
         """
         motion: Trajectory | None = None
         try:
-            without = {"keep_out": None, "planned_links": ()}
-            free = self._in_the_open(scene.model_copy(update=without), under_way)
+            free = self._in_the_open(without_bodies(scene), under_way)
             motion = free.trajectory
             if is_clear(scene, motion):
                 return replace(free, scene=scene, ways=(TakenWay(CLEAR, free.duration, True),))

@@ -210,7 +210,7 @@ def _function(functions: Functions, constraints: Constraints, at_rest: bool) -> 
     within = [_within(rows[i], *constraints.sides[i]) for i in which]
     results = [back, ca.vertcat(*within), functions.serial_distances(x, p)]
     inputs = [x if at_rest else ca.vertcat(x, v), ca.vertcat(numbers, p)]
-    return RowFunction(ca.Function("state", inputs, results, {"cse": True}))
+    return RowFunction.of("state", inputs, results)
 
 
 def _within(row: ca.SX, lower: bool, upper: bool) -> ca.SX:

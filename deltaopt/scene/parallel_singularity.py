@@ -84,4 +84,4 @@ def _parallel_function(functions: Functions) -> RowFunction:
     """(x, p) -> distance from a parallel singularity, with a sign."""
     x, p = ca.SX.sym("x", 3), functions.symbols()
     margin = functions.parallel_margin(functions.inverse_kinematics(x, p))
-    return RowFunction(ca.Function("parallel", [x, p], [margin], {"cse": True}))
+    return RowFunction.of("parallel", [x, p], [margin])

@@ -334,9 +334,7 @@ def _function(functions: Functions, items: Items) -> tuple[RowFunction, tuple[in
     columns += [motion.dtheta, ca.sumsqr(motion.tau)]
     inputs = [*symbols, ca.vertcat(*numbers, p)]
     motors = ca.vertcat(motion.dtheta, motion.ddtheta, motion.tau)
-    outputs = [ca.densify(ca.vertcat(*columns)), ca.densify(motors)]
-    function = RowFunction(ca.Function("measures", inputs, outputs, {"cse": True}))
-    return function, tuple(rows)
+    return RowFunction.of("measures", inputs, [ca.vertcat(*columns), motors]), tuple(rows)
 
 
 def _sides(

@@ -145,9 +145,7 @@ def _held_and_reached(functions: Functions, constraints: Constraints) -> RowFunc
     slopes = ca.jacobian(controlled, tau)
     limits = ca.vertcat(*(1 / slopes[row, motor] for motor, row in enumerate(rows.controls)))
     results = [held, ca.vec(by_motion.T), reached, ca.vec(by_state.T), motion.tau, limits]
-    outputs = [ca.densify(result) for result in results]
-    inputs = [x, v, a, ca.vertcat(numbers, p)]
-    return RowFunction(ca.Function("held_and_reached", inputs, outputs, {"cse": True}))
+    return RowFunction.of("held_and_reached", [x, v, a, ca.vertcat(numbers, p)], results)
 
 
 def _rate(quantities: ca.SX, x: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:

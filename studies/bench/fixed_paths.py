@@ -176,7 +176,7 @@ def _loads(functions: DeltaFunctions) -> RowFunction:
     p = functions.symbols()
     rates = functions.explicit_equations(x, v, a, ca.SX.zeros(3), p)[2]
     loads = [functions.explicit_torques(x, v, a, p), rates]
-    return RowFunction(ca.Function("loads", [x, v, a, p], loads, {"cse": True}))
+    return RowFunction.of("loads", [x, v, a, p], loads)
 
 
 # Ruckig

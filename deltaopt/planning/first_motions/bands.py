@@ -332,8 +332,7 @@ def _nearest_to_line(functions: Functions) -> RowFunction:
     by the place, 3."""
     x, p = ca.SX.sym("x", 3), functions.symbols()
     least = -reduce(larger, ca.vertsplit(-functions.serial_distances(x, p)[3:]))
-    outputs = [least, ca.densify(ca.gradient(least, x))]
-    return RowFunction(ca.Function("nearest_to_line", [x, p], outputs, {"cse": True}))
+    return RowFunction.of("nearest_to_line", [x, p], [least, ca.gradient(least, x)])
 
 
 @lru_cache(maxsize=64)

@@ -170,8 +170,7 @@ def _joint_line_function(functions: Functions) -> RowFunction:
     first, last = (q[functions.motors] for q in both)
     x = functions.forward_kinematics((1 - share) * first + share * last, p)
     v = ca.jtimes(x, share, rate)
-    inputs = [ends, share, rate, p]
-    return RowFunction(ca.Function("joint_line", inputs, [x, v], {"cse": True}))
+    return RowFunction.of("joint_line", [ends, share, rate, p], [x, v])
 
 
 def waiting_motions(scene: Scene, duration: float) -> list[Trajectory]:

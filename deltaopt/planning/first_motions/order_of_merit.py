@@ -17,6 +17,7 @@ from deltaopt.errors import RULED_OUT, NotConverged, Unreachable, if_possible
 from deltaopt.motion.loads import sizes_at
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.first_motions.bands import without_bodies
 from deltaopt.planning.first_motions.initial_motion import (
     PARABOLAS_AND_CUBICS,
     Proposal,
@@ -96,9 +97,7 @@ def timed_axis(scene: Scene) -> Trajectory:
 
     Raises Infeasible, Unreachable or Singular where the path cannot be driven.
     """
-    on_path = scene.on_its_path
-    if scene.keep_out is not None:
-        on_path = on_path.model_copy(update={"keep_out": None, "planned_links": ()})
+    on_path = without_bodies(scene.on_its_path)
     return fastest_on_path(on_path, _OF_AXIS, lambda _: None).trajectory
 
 

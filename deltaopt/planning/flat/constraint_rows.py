@@ -184,23 +184,20 @@ class ConstraintRows:
 
     @cached_property
     def _values(self) -> RowFunction:
-        inputs = [self._y, self._p]
-        return RowFunction(ca.Function("values", inputs, [self._rows], {"cse": True}))
+        return RowFunction.of("values", [self._y, self._p], [self._rows])
 
     @cached_property
     def _jacobian(self) -> RowFunction:
-        inputs, J = [self._y, self._p], ca.jacobian(self._rows, self._y)
-        result = ca.densify(ca.vec(J.T))
-        return RowFunction(ca.Function("jacobian", inputs, [result], {"cse": True}))
+        J = ca.jacobian(self._rows, self._y)
+        return RowFunction.of("jacobian", [self._y, self._p], [ca.vec(J.T)])
 
     @cached_property
     def _derivatives(self) -> RowFunction:
         y, r = self._y, self._rows
         multipliers = ca.SX.sym("multipliers", r.numel())
         J, H = ca.jacobian(r, y), ca.hessian(ca.dot(multipliers, r), y)[0]
-        inputs = [y, multipliers, self._p]
-        results = [r, ca.densify(ca.vec(J.T)), ca.densify(ca.vec(H))]
-        return RowFunction(ca.Function("derivatives", inputs, results, {"cse": True}))
+        results = [r, ca.vec(J.T), ca.vec(H)]
+        return RowFunction.of("derivatives", [y, multipliers, self._p], results)
 
 
 def can_be_held(constraints: Constraints) -> bool:

@@ -13,8 +13,9 @@ from importlib.resources import files
 import casadi as ca
 
 from deltaopt.codegen.simd_c import LANES, VECTOR, c_function, c_text
+from deltaopt.codegen.vectorised import dense_function
 from deltaopt.limits.constraints import Alike
-from deltaopt.planning.flat.point_problem import Entries, PointProblem, dense_function
+from deltaopt.planning.flat.point_problem import Entries, PointProblem
 
 PARTS = ("problem", "knots_and_points", "rows", "kkt_system", "interior_point")
 """The files of the method's own text, in the order in which they are compiled."""

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import casadi as ca
 
+from deltaopt.codegen.vectorised import dense_function
 from deltaopt.limits.constraints import Alike
 
 Entries = dict[tuple[int, int], str]
@@ -182,11 +183,6 @@ class PointProblem:
     def _integrand(self) -> ca.SX:
         """The rate of the running cost, if there is one, by the share of a phase's duration."""
         return self.y[-1] * self.running
-
-
-def dense_function(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> ca.Function:
-    """A function whose results have no structural zeros."""
-    return ca.Function(name, arguments, [ca.densify(each) for each in results], {"cse": True})
 
 
 def _inverse(B: ca.SX) -> ca.SX:

@@ -246,8 +246,7 @@ def _function(functions: Functions, constraints: Constraints) -> RowFunction:
     """(p, p′, p″, (ṡ, u), numbers of the limits and p) -> rows, ∂rows/∂ṡ, ∂rows/∂u."""
     inputs, rows = _rows_on_path(functions, constraints)
     slopes = ca.jacobian(rows, inputs[3])
-    results = [ca.densify(each) for each in (rows, slopes[:, 0], slopes[:, 1])]
-    return RowFunction(ca.Function("tangents_on_path", inputs, results, {"cse": True}))
+    return RowFunction.of("tangents_on_path", inputs, [rows, slopes[:, 0], slopes[:, 1]])
 
 
 @lru_cache(maxsize=32)
@@ -264,8 +263,8 @@ def _expansion(functions: Functions, constraints: Constraints) -> RowFunction:
         ca.vertcat(*(ca.jacobian(row, z).T for row in rows)),
         ca.vertcat(*(ca.vec(ca.hessian(row, z)[0]) for row in rows)),
     ]
-    at_rest = [ca.densify(ca.substitute(part, z, ca.SX.zeros(2))) for part in parts]
-    return RowFunction(ca.Function("expansion", [x, dx, ddx, parameters], at_rest, {"cse": True}))
+    at_rest = [ca.substitute(part, z, ca.SX.zeros(2)) for part in parts]
+    return RowFunction.of("expansion", [x, dx, ddx, parameters], at_rest)
 
 
 @lru_cache(maxsize=32)
