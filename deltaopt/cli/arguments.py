@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from math import isfinite
 from pathlib import Path
 
@@ -98,21 +99,6 @@ def kilograms(text: str) -> float:
         raise argparse.ArgumentTypeError(f"{text!r} is not a mass greater than 0") from None
 
 
-def one_or_more(text: str) -> int:
-    """A whole number from 1 to 9999, for argparse."""
-    return _whole(text, 1, MOST)
-
-
-def large_number(text: str) -> int:
-    """A whole number from 1 to 999999, for argparse: of moves or places of a campaign."""
-    return _whole(text, 1, 999_999)
-
-
-def first_intervals(text: str) -> int:
-    """A number of intervals of a first mesh, for argparse."""
-    return _whole(text, 2, MOST_INTERVALS)
-
-
 def seed(text: str) -> int:
     """A whole number from 0 to 2⁶³ - 1, for argparse."""
     if not (text.isascii() and text.isdigit() and len(text) < 20 and int(text) < 2**63):
@@ -121,11 +107,18 @@ def seed(text: str) -> int:
 
 
 def _whole(text: str, least: int, most: int) -> int:
-    """The number that a text stands for."""
+    """A whole number between two others, for argparse."""
     is_short = text.isascii() and text.isdigit() and len(text) <= len(str(most))
     if not (is_short and least <= int(text) <= most):
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from {least} to {most}")
     return int(text)
+
+
+one_or_more = partial(_whole, least=1, most=MOST)
+large_number = partial(_whole, least=1, most=999_999)
+"""Of moves or places of a campaign."""
+first_intervals = partial(_whole, least=2, most=MOST_INTERVALS)
+"""Of a first mesh."""
 
 
 def output_folders(arguments: argparse.Namespace) -> dict[Path, Path]:

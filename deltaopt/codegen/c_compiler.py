@@ -15,12 +15,14 @@ import re
 import shutil
 import signal
 import subprocess
+import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 
+from deltaopt.codegen.library_file import put
 from deltaopt.errors import how_to_install
 
 FLAGS = (
@@ -63,6 +65,8 @@ EXTRA = how_to_install("compiler")
 _NAMES = () if os.name == "nt" else ("gcc", "cc", "clang")
 _LONGEST = 300.0
 """s; the largest source takes some 10 s. A compiler that takes longer hangs, and is stopped."""
+BUILDING = "building-"
+"""How names of folders begin in which a library is built."""
 _SOON = 1.0
 """s; a compiler that takes longer is worth a word to who waits for it."""
 
@@ -123,16 +127,28 @@ class Compiler:
 
     def compile(
         self,
-        source: Path,
+        text: str,
         library: Path,
         flags: Sequence[str],
         slow: Callable[[], None] = lambda: None,
     ) -> bool:
-        """Compile a C file into a shared library; returns whether that succeeded.
+        """Compile a C text into a shared library; returns whether that succeeded.
 
-        ``slow``: is called once if it takes more than about a second. The compiler's own temporary
-        files go beside the library. Raises subprocess.TimeoutExpired if the compiler hangs.
+        Under a temporary name, then renamed: where there are no locks, other processes may compile
+        the same. ``slow``: is called once if it takes more than about a second. The compiler's own
+        temporary files go beside the library. Raises subprocess.TimeoutExpired if it hangs.
         """
+        with tempfile.TemporaryDirectory(dir=library.parent, prefix=BUILDING) as folder:
+            source, built = Path(folder) / "a.c", Path(folder) / "a.so"
+            source.write_text(text)
+            done = self._compiled(source, built, flags, slow)
+            if done:
+                put(built, library)
+        return done
+
+    def _compiled(
+        self, source: Path, library: Path, flags: Sequence[str], slow: Callable[[], None]
+    ) -> bool:
         files = [str(source), "-o", str(library), "-lm"]
         with suppress(OSError):  # a program that cannot be run fails to compile
             process = subprocess.Popen(

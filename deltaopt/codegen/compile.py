@@ -15,7 +15,6 @@ import os
 import shutil
 import stat
 import subprocess
-import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -25,8 +24,8 @@ from pathlib import Path
 import casadi as ca
 import platformdirs
 
-from deltaopt.codegen.c_compiler import EXTRA, Compiler, compilers
-from deltaopt.codegen.library_file import intact, put
+from deltaopt.codegen.c_compiler import BUILDING, EXTRA, Compiler, compilers
+from deltaopt.codegen.library_file import intact
 from deltaopt.codegen.long_functions import in_parts
 from deltaopt.codegen.prebuilt import carried, level_here
 from deltaopt.files.output_folder import locked
@@ -37,7 +36,6 @@ CACHE = "DELTAOPT_CACHE"
 SLOWER = "some 100 times as slow"
 """What the interpreter costs in a plan (docs/speed.md)."""
 
-_BUILDING = "building-"
 _ABANDONED = 3600.0
 """s; a build folder that is older was left by a process that was killed."""
 
@@ -138,9 +136,11 @@ def _try(found: Compiler, source: str, folder: Path) -> Path | None:
         lock = kept.with_suffix(".lock")
         lock.touch()
         with locked(lock):  # another process may be compiling it: once on a machine is enough
-            built = intact(kept) or _build(found, source, kept)
+            if not intact(kept):
+                _remove_abandoned(folder)
+                found.compile(source, kept, found.flags, slow=_say_compiling)
             lock.unlink(missing_ok=True)
-            return kept if built and intact(kept) else None
+            return kept if intact(kept) else None
     except subprocess.TimeoutExpired:
         _LOG.warning("%s does not end and is not run again", found.command)
         _HANGING.add(found)
@@ -161,26 +161,13 @@ def _may_hold_programs(folder: Path) -> bool:
     return os.name != "posix" or not os.statvfs(folder).f_flag & getattr(os, "ST_NOEXEC", 0)
 
 
-def _build(found: Compiler, source: str, library: Path) -> bool:
-    """Compile under a temporary name, then rename: where there are no locks, other processes may
-    compile the same."""
-    _remove_abandoned(library.parent)
-    with tempfile.TemporaryDirectory(dir=library.parent, prefix=_BUILDING) as folder:
-        text, built = Path(folder) / "a.c", Path(folder) / "a.so"
-        text.write_text(source)
-        if not found.compile(text, built, found.flags, slow=_say_compiling):
-            return False
-        put(built, library)
-    return True
-
-
 def _say_compiling() -> None:
     text = f"compiling for this machine, once (kept in {cache_directory()}) ..."
     _say_once("compiling", logging.INFO, text)
 
 
 def _remove_abandoned(folder: Path) -> None:
-    for left in folder.glob(f"{_BUILDING}*"):
+    for left in folder.glob(f"{BUILDING}*"):
         with suppress(OSError):
             if time.time() - left.stat().st_mtime > _ABANDONED:
                 shutil.rmtree(left, ignore_errors=True)

@@ -10,14 +10,13 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import os
-import tempfile
 from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 
 from deltaopt.codegen.c_compiler import BASELINE, FLAGS, LEVELS, Compiler, Level
-from deltaopt.codegen.library_file import intact, put
+from deltaopt.codegen.library_file import intact
 from deltaopt.errors import DeltaOptError
 
 FOLDER = Path(__file__).with_name("prebuilt")
@@ -83,12 +82,8 @@ def prebuild(sources: Collection[str], folder: Path, compiler: Compiler) -> None
 
 def _compile(text: str, library: Path, level: Level, compiler: Compiler) -> None:
     library.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
-        source, built = Path(scratch) / "a.c", Path(scratch) / "a.so"
-        source.write_text(text)
-        if not compiler.compile(source, built, (*FLAGS, *level.flags)):
-            raise DeltaOptError(f"{compiler.command} does not compile {library.name}")
-        put(built, library)
+    if not compiler.compile(text, library, (*FLAGS, *level.flags)):
+        raise DeltaOptError(f"{compiler.command} does not compile {library.name}")
 
 
 def _probe_source(level: Level) -> str:

@@ -119,17 +119,15 @@ def _without_inertia(robot: Robot) -> Robot:
     return _drive(robot, {"inertia": None}) if robot.drive.inertia else robot
 
 
-def _without_friction(*, viscous: bool) -> Callable[[Robot], Robot]:
-    """Without viscous friction, or without Coulomb friction."""
+def _without_friction(*gone: str) -> Callable[[Robot], Robot]:
+    """Without what these keys of friction say; the first of them says whether there is any."""
 
     def without(robot: Robot) -> Robot:
         friction = robot.drive.friction
-        if friction is None or not (friction.viscous if viscous else friction.coulomb):
+        if friction is None or not getattr(friction, gone[0]):
             return robot
-        gone = {"viscous": None} if viscous else {"coulomb": None, "speed": None}
         left = {key: value for key, value in friction.model_dump().items() if key not in gone}
-        rest = left if any(left.values()) else None
-        return _drive(robot, {"friction": rest})
+        return _drive(robot, {"friction": left if any(left.values()) else None})
 
     return without
 
@@ -144,8 +142,8 @@ def _level(robot: Robot) -> Robot:
 
 MODEL_TERMS = (
     ModelTerm("drive.inertia", "none", _without_inertia),
-    ModelTerm("drive.friction.viscous", "none", _without_friction(viscous=True)),
-    ModelTerm("drive.friction.coulomb", "none", _without_friction(viscous=False)),
+    ModelTerm("drive.friction.viscous", "none", _without_friction("viscous")),
+    ModelTerm("drive.friction.coulomb", "none", _without_friction("coulomb", "speed")),
     ModelTerm("upper_arm.mass", "none", _part("upper_arm", {"mass": 0.0, "inertia": None})),
     ModelTerm("upper_arm.inertia", "that of a slender bar", _part("upper_arm", {"inertia": None})),
     ModelTerm("upper_arm.centre", "the middle", _part("upper_arm", {"centre": None})),
