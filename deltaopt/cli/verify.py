@@ -92,15 +92,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     if arguments.motion.suffix.lower() == ".csv":
         return _measure(arguments)
-    for_tables = {
-        "--robot": arguments.robot,
-        "--payload": arguments.payload,
-        "--unit": arguments.unit,
-        "--controller": arguments.controller,
-        "--controller-angles": arguments.controller_angles or None,
-    }
-    for option, value in for_tables.items():
-        if value is not None:
+    for name in ("robot", "payload", "unit", "controller", "controller_angles"):
+        if getattr(arguments, name):
+            option = f"--{name.replace('_', '-')}"
             raise WrongUsage(f"{option} is for a TABLE.csv; a saved plan has its own")
     if arguments.other:
         installed("mujoco", "mujoco")

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from math import dist, inf
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from deltaopt.curves.halving import bisected_number
 from deltaopt.errors import NO_PLAN, if_possible
 from deltaopt.motion.sure_bounds import rows_not_kept
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import plan
@@ -77,25 +79,23 @@ def straight_lines(scene: Scene) -> dict[str, float]:
     if scene.via or scene.moves_at_ends or scene.approach or scene.follows_path:
         return {}
     scene = scene.model_copy(update={"objective": Time()})
-    timed: dict[str, Callable[[Scene], float]] = {}
+    timed: dict[str, Callable[[], Plan | Trajectory]] = {}
     over = rounded_path_over(scene)
     if scene.tube is not None:
-        timed["tube's middle,\ntimed optimally"] = lambda scene: plan(scene.on_its_path).duration
+        timed["tube's middle,\ntimed optimally"] = partial(plan, scene.on_its_path)
     elif over is not None:
-        on_path = {"path": over}
-        timed["rounded path,\ntimed optimally"] = lambda scene: (
-            plan(scene.model_copy(update=on_path)).duration
-        )
+        on_path = scene.model_copy(update={"path": over})
+        timed["rounded path,\ntimed optimally"] = partial(plan, on_path)
     elif not scene.robot_keeps_clear:
-        timed["line, by a quintic law"] = lambda scene: baseline(scene).duration
-        timed["line, timed optimally"] = lambda scene: timed_line(scene).duration
+        timed["line, by a quintic law"] = partial(baseline, scene)
+        timed["line, timed optimally"] = partial(timed_line, scene)
     jumps = ("optimally",) if scene.has_rates else ()
     found = {
-        name: if_possible(NO_PLAN, duration, scene)
-        for name, duration in timed.items()
+        name: if_possible(NO_PLAN, motion)
+        for name, motion in timed.items()
         if not name.endswith(jumps)
     }
-    durations = {name: duration for name, duration in found.items() if duration is not None}
+    durations = {name: each.duration for name, each in found.items() if each is not None}
     quickest = min(durations.values(), default=inf)
     return {} if problem_of(scene).is_least_duration(quickest) else durations
 
