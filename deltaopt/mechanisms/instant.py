@@ -124,12 +124,9 @@ class PlatformInstant:
         return self.functions.motion(self.x, self.v, self.a, self.p)[0]
 
     @cached_property
-    def _equations(self) -> tuple[SX, SX, SX, SX]:
+    def _equations(self) -> tuple[SX, ...]:
         torque = SX.zeros(3) if self.given_torque is None else self.given_torque
-        force, alignment, dtheta, ddtheta = self.functions.explicit_equations(
-            self.x, self.v, self.a, torque, self.p
-        )
-        return force, alignment, dtheta, ddtheta
+        return tuple(self.functions.explicit_equations(self.x, self.v, self.a, torque, self.p))
 
     @property
     def _motion(self) -> tuple[list[SX], list[SX]]:

@@ -16,7 +16,7 @@ from deltaopt.limits.limit import Limit
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import PlatformInstant
-from deltaopt.motion.trajectory import Trajectory
+from deltaopt.motion.trajectory import Motion, Trajectory
 from deltaopt.problem.problem import Problem
 from deltaopt.robot.machine import Model
 
@@ -73,6 +73,15 @@ def limit_curves(
         if limit.promised:
             own = values[:, rows][:, used]
             yield LimitCurves(limit, own, lower[rows][used], upper[rows][used])
+
+
+def curves_over_time(
+    problem: Problem, trajectory: Trajectory, samples: int
+) -> tuple[Motion, list[LimitCurves]]:
+    """A motion, and the curves of its limits, at about so many samples over all intervals."""
+    steps = max(2, samples // (len(trajectory.knots) - 1))
+    inside = np.linspace(0, 1, steps)  # 0 and 1: both sides of a jump at a knot
+    return trajectory.inside_intervals(inside), list(limit_curves(problem, trajectory, inside))
 
 
 @dataclass(frozen=True)

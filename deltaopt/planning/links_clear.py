@@ -66,7 +66,7 @@ def keeping_links_clear(
     roundings = [solid_about(body).radius for _, body in sums(scene.keep_out or (), None)]
     spare, plans = Spare(), 0
     while True:
-        found = planned(scene.model_copy(update={"planned_links": _limits(scene, spare)}))
+        found = planned(_limited(scene, spare))
         plans += 1
         rooms = least_rooms(scene, found.trajectory)
         too_near = {pair: rooms[pair] for pair in _pairs(rooms < 0)}
@@ -122,25 +122,26 @@ def _nearer(
 ) -> tuple[Plan, float]:
     """A plan with all links clear, and what that costs; planned once more nearer to the bodies
     where the cost leaves the gap above the ``tolerance``, as long as links are clear then."""
-    cost = _cost(found.multipliers, list(spare.values()))
+    cost = _cost(found.multipliers, spare)
     while found.gap <= tolerance < found.gap + cost and max(spare.values()) > _LEAST_SPARE:
         report(f"once more, nearer to bodies: the distance costs {cost:.1e} of the duration:")
         share = max((tolerance - found.gap) / cost / _FACTOR, _NEARER)
         spare = {pair: max(share * more, _LEAST_SPARE) for pair, more in spare.items()}
-        limited = scene.model_copy(update={"planned_links": _limits(scene, spare)})
-        nearer = if_possible((NotConverged,), planned, limited)
+        nearer = if_possible((NotConverged,), planned, _limited(scene, spare))
         if nearer is None or (least_rooms(scene, nearer.trajectory) < 0).any():
             break
-        found, cost = nearer, _cost(nearer.multipliers, list(spare.values()))
+        found, cost = nearer, _cost(nearer.multipliers, spare)
     return found, cost
 
 
-def _limits(scene: Scene, spare: Spare) -> tuple[tuple[int, int, float], ...]:
-    """What is planned for pairs of a link and a body: the least distance of the link's line, m."""
-    return tuple((link, body, _least(scene, link) + more) for (link, body), more in spare.items())
+def _limited(scene: Scene, spare: Spare) -> Scene:
+    """The scene with what is planned for pairs of a link and a body: the least distance of the
+    link's line, m."""
+    least = ((link, body, _least(scene, link) + more) for (link, body), more in spare.items())
+    return scene.model_copy(update={"planned_links": tuple(least)})
 
 
-def _cost(multipliers: Multipliers | None, spare: list[float]) -> float:
+def _cost(multipliers: Multipliers | None, spare: Spare) -> float:
     """By what share the duration is longer because limits of links are tighter by so much, m; 0
     where multipliers are not known."""
     if multipliers is None or not spare:
@@ -149,7 +150,7 @@ def _cost(multipliers: Multipliers | None, spare: list[float]) -> float:
     parts = zip(constraints.limits, constraints.slices, strict=True)
     rows = next(own for limit, own in parts if limit.own_measure is OwnMeasure.LINKS)
     growth = multipliers.of_rows()[rows] / multipliers.limits.scales[rows]
-    return float(growth[: len(spare)] @ spare)
+    return float(growth[: len(spare)] @ list(spare.values()))
 
 
 def _least(scene: Scene, link: int) -> float:

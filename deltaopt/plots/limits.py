@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.limits.limit import OwnMeasure
-from deltaopt.motion.limit_curves import LimitCurves, limit_curves
+from deltaopt.motion.limit_curves import LimitCurves, curves_over_time
 from deltaopt.motion.trajectory import Trajectory, ends_of
 from deltaopt.output.facts import Facts, together
 from deltaopt.output.in_words import is_optimal
@@ -52,10 +52,7 @@ def draw_limits(file: Path, facts: Facts) -> None:
     scene, trajectory = facts.plan.scene, facts.plan.trajectory
     costates = extremal(scene, trajectory) if is_optimal(facts.verification) else None
     told = caption(facts.verification)
-    steps = max(2, _SAMPLES // (len(trajectory.knots) - 1))
-    inside = np.linspace(0, 1, steps)  # 0 and 1: both sides of a jump at a knot
-    motion = trajectory.inside_intervals(inside)
-    curves = list(limit_curves(problem_of(scene), trajectory, inside))
+    motion, curves = curves_over_time(problem_of(scene), trajectory, _SAMPLES)
     ends = ends_of(problem_of(scene), trajectory)
     ticks = trajectory(trajectory.instants(_TICKS + 1)[1:-1]).x
     panels = max(2, len(curves))
@@ -114,14 +111,13 @@ def plot_limit(scene: Scene, trajectory: Trajectory, limit: str, axes: Axes | No
     """
     if axes is not None:
         require_type("axes", axes, Axes, "an Axes of matplotlib; save() writes pictures")
-    inside = np.linspace(0, 1, max(2, _SAMPLES // (len(trajectory.knots) - 1)))
-    curves = list(limit_curves(problem_of(scene), trajectory, inside))
+    motion, curves = curves_over_time(problem_of(scene), trajectory, _SAMPLES)
     named = zip(curves, _names(scene, curves), strict=True)
     found = {each.limit.name: (each, names) for each, names in named}
     if limit not in found:
         raise ValueError(f"limit is {limit!r}; the scene has {', '.join(found)}")
     drawn = Figure(layout="constrained").add_subplot() if axes is None else axes
-    _limit(drawn, trajectory.inside_intervals(inside).t, *found[limit])
+    _limit(drawn, motion.t, *found[limit])
     drawn.set_xlabel(r"time $t$ (s)")
     return drawn
 

@@ -14,7 +14,7 @@ from matplotlib.patheffects import Normal, Stroke
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.motion.active_limits import active_limits, shares_of_time
-from deltaopt.motion.limit_curves import limit_curves
+from deltaopt.motion.limit_curves import curves_over_time
 from deltaopt.motion.trajectory import Trajectory, ends_of
 from deltaopt.output.facts import assumption, title
 from deltaopt.plots.colours import BLACK, COLOURS, GREY, LIGHT_GREY
@@ -153,11 +153,9 @@ def _path(axes: Axes, scene: Scene, trajectory: Trajectory, ends: Array, tilt: f
 
 def _torques(axes: Axes, scene: Scene, trajectory: Trajectory, duty: Duty | None) -> None:
     """Draw each motor's torque over time in percent of its limit."""
-    inside = np.linspace(0, 1, max(2, _SAMPLES // (len(trajectory.knots) - 1)))
-    t = 1e3 * (trajectory.inside_intervals(inside).t - trajectory.knots[0])
-    curves = next(
-        c for c in limit_curves(problem_of(scene), trajectory, inside) if c.limit.name == _TORQUE
-    )
+    motion, limits = curves_over_time(problem_of(scene), trajectory, _SAMPLES)
+    t = 1e3 * (motion.t - trajectory.knots[0])
+    curves = next(each for each in limits if each.limit.name == _TORQUE)
     percent = 100 * curves.values / curves.upper
     motor_curves(axes, t, percent)
     if duty is not None:

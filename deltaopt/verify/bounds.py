@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf
 
-from deltaopt.verify.measures import Excess, Known
+from deltaopt.verify.measures import Known
 
 EXCESS = 1e-9
 """Of every limit, as a share of it: above rounding of inverse dynamics, below any meaning of a
@@ -90,11 +90,6 @@ class Check:
     at_most: float
     unit: str
     complaint: str
-
-    @classmethod
-    def of_excess(cls, excess: Excess) -> Check:
-        """Of the excess of a limit."""
-        return cls(excess.key, excess.value, EXCESS, "1", excess.sentence)
 
     @property
     def ok(self) -> bool:

@@ -153,9 +153,10 @@ class Verification:
         """All measures that have a bound in this scene, limits first."""
         bounds = BOUNDS + (ARRIVAL_BOUNDS if self.judges_arrival else ())
         values = [(bound, getattr(self, bound.measure)) for bound in bounds]
-        return [Check.of_excess(excess) for excess in self.excesses.values()] + [
-            bound.check(value, self.sizes) for bound, value in values if value is not None
-        ]
+        return [
+            Check(excess.key, excess.value, EXCESS, "1", excess.sentence)
+            for excess in self.excesses.values()
+        ] + [bound.check(value, self.sizes) for bound, value in values if value is not None]
 
     def failures(self) -> list[str]:
         """What is wrong with the motion, one sentence each; empty if it passes."""
