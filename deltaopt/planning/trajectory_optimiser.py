@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from math import inf, isinf
+from math import isinf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -107,12 +107,8 @@ class TrajectoryOptimiser:
 
     def on_first_mesh(self, attempt: Attempt) -> Trajectory:
         """The fastest motion on the first mesh alone, which may break limits between its points."""
-        guess = Guess(
-            attempt.motion,
-            attempt.is_near,
-            max(self.accuracy, _TRIAL_TOLERANCE),
-            is_trial=True,
-        )
+        accuracy = max(self.accuracy, _TRIAL_TOLERANCE)
+        guess = Guess(attempt.motion, attempt.is_near, accuracy)
         extent = None if attempt.problem.is_at_rest else attempt.motion.extent
         scaling = Scaling(attempt.problem, attempt.motion.duration, extent=extent)
         program = self.program(scaling, fastest(attempt.problem))
@@ -130,7 +126,6 @@ class TrajectoryOptimiser:
             attempt.is_near,
             accuracy,
             on_its_mesh=attempt.on_twice_its_mesh,
-            is_trial=attempt.most < inf,
         )
         scaling = attempt.scaling(attempt.motion, attempt.motion.duration)
         return self._refined(attempt, guess, attempt.mesh, scaling, report)

@@ -14,7 +14,7 @@ from deltaopt.errors import Infeasible, NotConverged
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.planning.first_motions.passages import shortest_paths
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.scene.objective import Effort
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
@@ -275,6 +275,16 @@ def test_the_way_that_multistart_found(name, duration):
     """Among twelve random curves, and all ways that these were bent to (studies keep_out ways)."""
     found = planned(load_scene(Path(__file__).parents[1] / "data" / "bodies" / f"{name}.yaml"))
     assert found.duration <= 1.002 * duration
+
+
+def test_neighbours_pass_a_sphere_alike():
+    """The least duration is continuous: the motion above a sphere must not slip to its side."""
+    drive, far = load_robot(PROBLEMS / "robots" / "industrial_drive.yaml"), [0.85, 0.1525, 0.0]
+    beside = {"robot": drive, "payload": 1.0, "start": (0.85, -0.1525, 0.0), "goal": far}
+    shifted = [0.00538 + 0.0004 * k for k in range(3)]
+    scenes = [with_bodies(sphere([0.85, 0.0, z], 0.04)) for z in shifted]
+    found = [plan(Scene.model_validate(dict(scene) | beside)).duration for scene in scenes]
+    assert max(found) < 1.002 * min(found)
 
 
 def test_through_a_window_the_gap_is_known():
