@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
-from deltaopt.files.units import Quantity
+from deltaopt.errors import SceneError, shown
+from deltaopt.files.units import LENGTH, RATIO, Misread, Quantity
 from deltaopt.files.validated_record import Record
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.cycle import Cycle
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import made_of
-from deltaopt.sensitivity.keys import Content, parts_of
+from deltaopt.sensitivity.keys import PLACE, Content, parts_of
 
 Job = Scene | Cycle
 
@@ -75,11 +76,32 @@ def numbers_in(content: Any, key: str = "") -> Iterator[Number]:
         for index, value in enumerate(content):
             yield from numbers_in(value, f"{key}[{index}]")
     elif isinstance(content, int | float) and not isinstance(content, bool):
-        yield Number(key, float(content), _unit(key))
+        yield Number(key, float(content), _in_words(_quantity(key)))
 
 
-def _unit(key: str) -> str:
-    """The SI unit of a number of a scene, of its robot or of a cycle; empty without one."""
+def in_si(header: str, value: Any) -> Any:
+    """The value of a change, or a list of such, in the SI unit of what its header names: text in
+    another unit of it becomes a number, and what is no number stays. Raises SceneError where its
+    unit is another, or it is too large."""
+    *keys, how = header.split()
+    for key in keys if how in ("times", "plus") else [*keys, how]:
+        quantity = RATIO if how == "times" else LENGTH if key in PLACE else _quantity(key)
+        try:
+            found = quantity.in_si(value) if quantity else value
+        except Misread as error:
+            unit = f"in {_in_words(quantity)}" if quantity and quantity.unit else "without unit"
+            expected, problem = f"a number {unit}{error.hint}", f"is {shown(value)}, which {error}"
+            raise SceneError(None, header, value, expected, problem) from None
+    return found
+
+
+def _in_words(quantity: Quantity | None) -> str:
+    """The SI unit of a quantity; empty without one."""
+    return quantity.unit.replace("**", "^") if quantity else ""
+
+
+def _quantity(key: str) -> Quantity | None:
+    """What a number of a scene, of its robot or of a cycle is; None where its key does not tell."""
     kinds, parts = list[Any]([Scene]), parts_of(key.replace(".dwell", ".dwells"))  # as records do
     for name in parts:
         each = (kind for kind in (*kinds, Cycle) if isinstance(kind, type))
@@ -89,9 +111,9 @@ def _unit(key: str) -> str:
         if field is not None:  # else a place in a list, or the word that tells a path's kind
             inside = _inside(field.annotation)
             kinds = [Robot] if name == "robot" else [*inside, *field.metadata]
-    units = [kind.unit for kind in kinds if isinstance(kind, Quantity)]
-    of_point = int(parts[-1]) if parts[-1].isdigit() and len(units) > 1 else 0
-    return units[of_point].replace("**", "^") if units else ""
+    found = [kind for kind in kinds if isinstance(kind, Quantity)]
+    of_point = int(parts[-1]) if parts[-1].isdigit() and len(found) > 1 else 0
+    return found[of_point] if found else None
 
 
 def _inside(kind: Any) -> Iterator[Any]:

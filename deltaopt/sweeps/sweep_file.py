@@ -22,16 +22,17 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from deltaopt.errors import SceneError, installed
-from deltaopt.files.units import whatever_in_si
 from deltaopt.files.validated_record import Positive, Record, Text, optional
 from deltaopt.files.yaml_file import read_yaml
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.scene_file import content_with_files, load_job, made_of
 from deltaopt.sensitivity.keys import changed
+from deltaopt.sensitivity.numbers import in_si
 from deltaopt.sweeps.points import FACTS, Base, Changes, SweepPoints
 
 MOST_POINTS = 1_000_000
 _NUMBER = f"a whole number from 1 to {MOST_POINTS}"
+_STEPS = f"a whole number, at least 2 and below {MOST_POINTS}"
 _VALUES = "a list of values, or {from, to, steps}"
 _FILES = "the path of a file relative to this one, or a list of them"
 _GRID = f"a mapping of keys, such as robot.drive.torque, each to {_VALUES}"
@@ -56,7 +57,7 @@ class Samples(Record):
     @field_validator("ranges")
     @classmethod
     def _in_si(cls, ranges: dict[str, Any]) -> dict[str, Any]:
-        return {key: _ends(f"ranges.{key}", given) for key, given in ranges.items()}
+        return {key: _ends("ranges", key, given) for key, given in ranges.items()}
 
     @property
     def drawn(self) -> list[dict[str, Any]]:
@@ -97,7 +98,7 @@ class Sweep(Record):
     @field_validator("grid")
     @classmethod
     def _in_si(cls, grid: dict[str, Any]) -> dict[str, Any]:
-        return {key: _values(f"grid.{key}", given) for key, given in grid.items()}
+        return {key: _values(key, given) for key, given in grid.items()}
 
     @model_validator(mode="after")
     def _has_columns(self) -> Self:
@@ -123,7 +124,7 @@ class Sweep(Record):
         ]
         axes = [[{key: value} for value in values] for key, values in self.grid.items()]
         if self.points:
-            axes.append([{k: whatever_in_si(v) for k, v in each.items()} for each in self.points])
+            axes.append([{k: in_si(k, v) for k, v in each.items()} for each in self.points])
         if self.samples:
             axes.append(self.samples.drawn)
         for changes in axes:
@@ -172,20 +173,20 @@ def _require_usable(bases: Sequence[Base], changes: Sequence[Changes]) -> Any:
 def _values(key: str, given: Any) -> list[Any]:
     """The values that stand under a key of the grid. Raises SceneError."""
     if isinstance(given, list | tuple) and given:
-        return [whatever_in_si(each) for each in given]
+        return [in_si(key, each) for each in given]
     if isinstance(given, dict) and "steps" in given:
         steps = given["steps"]
         if steps not in range(2, MOST_POINTS):
-            raise SceneError(None, f"{key}.steps", steps, "a whole number, at least 2")
-        ends = _ends(key, {name: each for name, each in given.items() if name != "steps"})
+            raise SceneError(None, f"grid.{key}.steps", steps, _STEPS)
+        ends = _ends("grid", key, {name: each for name, each in given.items() if name != "steps"})
         return [*np.linspace(*ends, int(steps)).tolist()]
-    raise SceneError(None, key, given, _VALUES)
+    raise SceneError(None, f"grid.{key}", given, _VALUES)
 
 
-def _ends(key: str, given: Any) -> tuple[float, float]:
-    """The ends of a range. Raises SceneError."""
+def _ends(part: str, key: str, given: Any) -> tuple[float, float]:
+    """The ends of a range of a key, in a part of the file. Raises SceneError."""
     if isinstance(given, dict) and set(given) == {"from", "to"}:
-        least, most = whatever_in_si(given["from"]), whatever_in_si(given["to"])
+        least, most = in_si(key, given["from"]), in_si(key, given["to"])
         if isinstance(least, int | float) and isinstance(most, int | float) and least < most:
             return least, most
-    raise SceneError(None, key, given, "{from, to}, numbers, the first the lesser")
+    raise SceneError(None, f"{part}.{key}", given, "{from, to}, numbers, the first the lesser")

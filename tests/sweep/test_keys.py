@@ -96,6 +96,19 @@ WRONG = [
     ("grid: {payload: 1}", "grid.payload is 1.0; expected a list of values, or {from, to, steps}"),
     ("grid: {payload: {from: 1, to: 2, steps: 1}}", "grid.payload.steps is 1.0; expected a whole"),
     ("grid: {payload: {from: 2, to: 1, steps: 3}}", "grid.payload is .*the first the lesser"),
+    (
+        "grid: {robot.upper_arm.length: [300 mm, 310 g]}",
+        "robot.upper_arm.length is '310 g', which cannot be converted to m; expected a number in m",
+    ),
+    (
+        "points: [{robot.forearm.mass robot.forearm.length plus: 20 g}]",
+        "which cannot be converted to m",
+    ),
+    (
+        "samples: {number: 3, ranges: {payload times: {from: 1 kg, to: 2 kg}}}",
+        "which cannot be converted to a number without unit",
+    ),
+    ("grid: {robot.upper_arm.length: [300]}", "mm need a unit: 300 mm"),
     ("gird: {payload: [1]}", "gird is not a known key; expected grid"),
     ("column: durations", "column is 'durations'; expected one of duration"),
     ("samples: {number: 3}", "samples.ranges is missing; expected a mapping of keys"),
