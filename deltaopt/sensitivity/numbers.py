@@ -83,16 +83,27 @@ def in_si(header: str, value: Any) -> Any:
     """The value of a change, or a list of such, in the SI unit of what its header names: text in
     another unit of it becomes a number, and what is no number stays. Raises SceneError where its
     unit is another, or it is too large."""
-    *keys, how = header.split()
-    for key in keys if how in ("times", "plus") else [*keys, how]:
-        quantity = RATIO if how == "times" else LENGTH if key in PLACE else _quantity(key)
+    found = value
+    for quantity in filter(None, _quantities(header)):
         try:
-            found = quantity.in_si(value) if quantity else value
+            found = quantity.in_si(value)
         except Misread as error:
-            unit = f"in {_in_words(quantity)}" if quantity and quantity.unit else "without unit"
+            unit = f"in {_in_words(quantity)}" if quantity.unit else "without unit"
             expected, problem = f"a number {unit}{error.hint}", f"is {shown(value)}, which {error}"
             raise SceneError(None, header, value, expected, problem) from None
     return found
+
+
+def unit_of(header: str) -> str:
+    """The SI unit of the values of a change by its header; empty without one."""
+    return _in_words(next(_quantities(header)))
+
+
+def _quantities(header: str) -> Iterator[Quantity | None]:
+    """What the numbers are that a change of such a header is of."""
+    *keys, how = header.split()
+    for key in keys if how in ("times", "plus") else [*keys, how]:
+        yield RATIO if how == "times" else LENGTH if key in PLACE else _quantity(key)
 
 
 def _in_words(quantity: Quantity | None) -> str:
