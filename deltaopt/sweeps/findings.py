@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from deltaopt.sensitivity.numbers import unit_of
+
 _SHOWN = 5
 _TOLD = ("duration", "parts_per_minute", "rms_share", "singularity", "limited_by")
 _MEASURED = ("duration", "parts_per_minute", "rms_share", "singularity", "gap", "seconds")
@@ -62,7 +64,8 @@ def message(table: Any, names: Sequence[str], column: str) -> str:
     """Where a column is least, and how much more it is elsewhere, in a sentence."""
     best = table.loc[table[column].idxmin()]
     values = (f"{best[n]:.5g}" if table[n].dtype.kind in "if" else str(best[n]) for n in names)
-    where = ", ".join(f"{name} = {value}" for name, value in zip(names, values, strict=True))
+    pairs = zip(names, values, strict=True)
+    where = ", ".join(f"{name} = {value} {unit_of(name)}".rstrip() for name, value in pairs)
     most = 100 * (table[column].max() / best[column] - 1)
     return f"{column} is least at {where}: {best[column]:.4g}; elsewhere up to {most:.0f} % more"
 
