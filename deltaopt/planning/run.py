@@ -266,7 +266,7 @@ class Run(Loop):
                 planned=planned,
                 roughly=self.roughly,
             )
-            if isinstance(found, DeltaOptError):
+            if isinstance(found, NotConverged):  # not where no way is known even at rest
                 stopped = first(stop_of(scene, planned), None)
                 found = self.improved(scene, stopped) if stopped else found
             found = first(under_way, found if isinstance(found, Plan) else None) or found
