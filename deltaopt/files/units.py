@@ -13,7 +13,6 @@ second or more, and files without units need not wait for it.
 from __future__ import annotations
 
 import re
-from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import lru_cache
@@ -192,21 +191,3 @@ EFFICIENCY = Quantity("", (), 1.0, ("%",))
 EFFORT_WEIGHT = Quantity("1/(N**2*m**2)")
 JERK_WEIGHT = Quantity("s**6/m**2")
 TORQUE_RATE_WEIGHT = Quantity("s**2/(N**2*m**2)")
-
-_ALL = tuple(
-    Quantity(each.unit, each.others)
-    for each in list(globals().values())
-    if isinstance(each, Quantity) and each.unit
-)
-
-
-def whatever_in_si(value: Any) -> Any:
-    """A value with every text in it, alone or in lists, that is a number with a unit turned into
-    a number in the SI unit of whatever quantity it is: "20 mm" is 0.02. All else stays, shares such
-    as "85 %" too, for it is not known what of."""
-    if isinstance(value, list | tuple):
-        return [whatever_in_si(item) for item in value]
-    for quantity in _ALL if isinstance(value, str) else ():
-        with suppress(Misread):
-            return quantity.in_si(value)
-    return value

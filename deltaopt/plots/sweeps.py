@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from deltaopt.curves.piecewise import Array
 from deltaopt.plots.colours import BLACK, BLUE, COLOURS, LIGHT_GREY, OF_LIMITS, VERMILION
 from deltaopt.plots.style import SMALL, figure, verbatim, without_box
-from deltaopt.sensitivity.numbers import unit_of
+from deltaopt.sensitivity.keys import unit_of
 from deltaopt.sweeps.points import FACTS
 
 _WIDTH, _HEIGHT, _PANEL = 3.2, 2.7, 2.0

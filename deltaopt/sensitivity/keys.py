@@ -12,15 +12,19 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from itertools import chain
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.errors import SceneError
-from deltaopt.files.units import whatever_in_si
+from deltaopt.errors import SceneError, shown
+from deltaopt.files.units import LENGTH, RATIO, Misread, Quantity
+from deltaopt.files.validated_record import Record
+from deltaopt.robot.robot import Robot
+from deltaopt.scene.cycle import Cycle
+from deltaopt.scene.scene import Scene
 
 Content = dict[str, Any]
 PLACE = ("place.x", "place.y", "place.z")
@@ -43,11 +47,10 @@ def changed(content: Mapping[str, Any], changes: Mapping[str, Any]) -> Content:
     """
     found: Content = json.loads(json.dumps(content))
     for header, value in changes.items():
-        *keys, last = header.split()
-        how = _HOW.get(last) if keys else None
-        for key in keys if how else [*keys, last]:
+        how = _HOW.get(header.split()[-1], lambda _, by: by)
+        for key in _keys(header):
             change = _moved if key.startswith("place.") else _change
-            found = change(found, key, how or (lambda _, by: by), value)
+            found = change(found, key, how, value)
     return found
 
 
@@ -66,7 +69,7 @@ def _change(content: Content, key: str, how: Callable[[Any, Any], Any], by: Any)
     place = _place_in(node, last, key)
     old = node.get(place) if isinstance(node, dict) else node[place]
     try:
-        node[place] = how(whatever_in_si(old), by)
+        node[place] = how(in_si(key, old), by)
     except TypeError:
         problem = "is not given in the file" if old is None else "is no number in the file"
         raise SceneError(None, key, old, "a number to change", problem) from None
@@ -88,7 +91,7 @@ def ends_of(content: Mapping[str, Any]) -> Array:
     legs = chain([content], content.get("cycle") or ())
     ends = (leg[end] for leg in legs for end in ("start", "goal") if end in leg)
     points = (end["at"] if isinstance(end, dict) else end for end in ends)
-    known = [whatever_in_si(point) for point in points if not isinstance(point, str)]
+    known = [LENGTH.in_si(point) for point in points if not isinstance(point, str)]
     return np.unique(np.array(known, dtype=float), axis=0)
 
 
@@ -101,7 +104,7 @@ def _moved(content: Content, key: str, how: Callable[[Any, Any], Any], to: Any) 
 
     def moved(key: str, value: Any) -> Any:
         if key in _POINTS and isinstance(value, list):
-            return np.add(whatever_in_si(value), by).tolist()
+            return np.add(LENGTH.in_si(value), by).tolist()
         if isinstance(value, list):
             return [moved("at" if key in _LISTS_OF_POINTS else "", each) for each in value]
         return {k: moved(k, v) for k, v in value.items()} if isinstance(value, dict) else value
@@ -109,3 +112,67 @@ def _moved(content: Content, key: str, how: Callable[[Any, Any], Any], to: Any) 
     for leg in [content, *content.get("cycle", ())]:
         leg |= {key: moved(key, leg[key]) for key in _IN_CELL if key in leg}
     return content
+
+
+def in_si(header: str, value: Any) -> Any:
+    """The value of a change, or a list of such, in the SI unit of what its header names: text in
+    another unit of it becomes a number, and what is no number stays. Raises SceneError where its
+    unit is another, or it is too large."""
+    return [_in_si(header, key, value) for key in _keys(header)][-1]
+
+
+def unit_of(header: str) -> str:
+    """The SI unit of the values of a change by its header; empty without one."""
+    return _unit(_changed(header, _keys(header)[0]))
+
+
+def _in_si(header: str, key: str, value: Any) -> Any:
+    if isinstance(value, list | tuple):
+        return [_in_si(header, f"{key}.{place}", each) for place, each in enumerate(value)]
+    quantity = _changed(header, key)
+    try:
+        return quantity.in_si(value) if quantity else value
+    except Misread as error:
+        unit = f"in {_unit(quantity)}" if _unit(quantity) else "without unit"
+        problem = f"is {shown(value)}, which {error}"
+        raise SceneError(None, header, value, f"a number {unit}{error.hint}", problem) from None
+
+
+def _keys(header: str) -> list[str]:
+    """The keys that a header names."""
+    words = header.split()
+    return words[:-1] if words[-1] in _HOW else words
+
+
+def _changed(header: str, key: str) -> Quantity | None:
+    """What a number is by which a key of a header is changed."""
+    if header.endswith(" times"):
+        return RATIO
+    return LENGTH if key in PLACE else _quantity(key)
+
+
+def _unit(quantity: Quantity | None) -> str:
+    return quantity.unit.replace("**", "^") if quantity else ""
+
+
+def _quantity(key: str) -> Quantity | None:
+    """What a number of a scene, of its robot or of a cycle is; None where its key does not tell."""
+    kinds, parts = list[Any]([Scene]), parts_of(key.replace(".dwell", ".dwells"))  # as records do
+    for name in parts:
+        each = (kind for kind in (*kinds, Cycle) if isinstance(kind, type))
+        records = (kind for kind in each if issubclass(kind, Record))
+        fields = (record.model_fields.get(name) for record in records)
+        field = next(filter(None, fields), None)
+        if field is not None:  # else a place in a list, or the word that tells a path's kind
+            inside = _inside(field.annotation)
+            kinds = [Robot] if name == "robot" else [*inside, *field.metadata]
+    found = [kind for kind in kinds if isinstance(kind, Quantity)]
+    of_point = int(parts[-1]) if parts[-1].isdigit() and len(found) > 1 else 0
+    return found[of_point] if found else None
+
+
+def _inside(kind: Any) -> Iterator[Any]:
+    """A type and all that it is made of, marks among them."""
+    yield kind
+    for inner in get_args(kind):
+        yield from _inside(inner)

@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from deltaopt.errors import SceneError, shown
-from deltaopt.files.units import LENGTH, RATIO, Misread, Quantity
-from deltaopt.files.validated_record import Record
-from deltaopt.robot.robot import Robot
 from deltaopt.scene.cycle import Cycle
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import made_of
-from deltaopt.sensitivity.keys import PLACE, Content, parts_of
+from deltaopt.sensitivity.keys import Content, unit_of
 
 Job = Scene | Cycle
 
@@ -76,59 +72,4 @@ def numbers_in(content: Any, key: str = "") -> Iterator[Number]:
         for index, value in enumerate(content):
             yield from numbers_in(value, f"{key}[{index}]")
     elif isinstance(content, int | float) and not isinstance(content, bool):
-        yield Number(key, float(content), _in_words(_quantity(key)))
-
-
-def in_si(header: str, value: Any) -> Any:
-    """The value of a change, or a list of such, in the SI unit of what its header names: text in
-    another unit of it becomes a number, and what is no number stays. Raises SceneError where its
-    unit is another, or it is too large."""
-    found = value
-    for quantity in filter(None, _quantities(header)):
-        try:
-            found = quantity.in_si(value)
-        except Misread as error:
-            unit = f"in {_in_words(quantity)}" if quantity.unit else "without unit"
-            expected, problem = f"a number {unit}{error.hint}", f"is {shown(value)}, which {error}"
-            raise SceneError(None, header, value, expected, problem) from None
-    return found
-
-
-def unit_of(header: str) -> str:
-    """The SI unit of the values of a change by its header; empty without one."""
-    return _in_words(next(_quantities(header)))
-
-
-def _quantities(header: str) -> Iterator[Quantity | None]:
-    """What the numbers are that a change of such a header is of."""
-    *keys, how = header.split()
-    for key in keys if how in ("times", "plus") else [*keys, how]:
-        yield RATIO if how == "times" else LENGTH if key in PLACE else _quantity(key)
-
-
-def _in_words(quantity: Quantity | None) -> str:
-    """The SI unit of a quantity; empty without one."""
-    return quantity.unit.replace("**", "^") if quantity else ""
-
-
-def _quantity(key: str) -> Quantity | None:
-    """What a number of a scene, of its robot or of a cycle is; None where its key does not tell."""
-    kinds, parts = list[Any]([Scene]), parts_of(key.replace(".dwell", ".dwells"))  # as records do
-    for name in parts:
-        each = (kind for kind in (*kinds, Cycle) if isinstance(kind, type))
-        records = (kind for kind in each if issubclass(kind, Record))
-        fields = (record.model_fields.get(name) for record in records)
-        field = next(filter(None, fields), None)
-        if field is not None:  # else a place in a list, or the word that tells a path's kind
-            inside = _inside(field.annotation)
-            kinds = [Robot] if name == "robot" else [*inside, *field.metadata]
-    found = [kind for kind in kinds if isinstance(kind, Quantity)]
-    of_point = int(parts[-1]) if parts[-1].isdigit() and len(found) > 1 else 0
-    return found[of_point] if found else None
-
-
-def _inside(kind: Any) -> Iterator[Any]:
-    """A type and all that it is made of, marks among them."""
-    yield kind
-    for inner in get_args(kind):
-        yield from _inside(inner)
+        yield Number(key, float(content), unit_of(key))

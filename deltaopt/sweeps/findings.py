@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from deltaopt.sensitivity.numbers import unit_of
+from deltaopt.sensitivity.keys import unit_of
 
 _SHOWN = 5
 _TOLD = ("duration", "parts_per_minute", "rms_share", "singularity", "limited_by")

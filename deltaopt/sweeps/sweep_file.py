@@ -26,8 +26,7 @@ from deltaopt.files.validated_record import Positive, Record, Text, optional
 from deltaopt.files.yaml_file import read_yaml
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.scene_file import content_with_files, load_job, made_of
-from deltaopt.sensitivity.keys import changed
-from deltaopt.sensitivity.numbers import in_si
+from deltaopt.sensitivity.keys import changed, in_si
 from deltaopt.sweeps.points import FACTS, Base, Changes, SweepPoints
 
 MOST_POINTS = 1_000_000

@@ -71,20 +71,24 @@ def test_a_content_with_files_is_the_scene_of_the_file():
 
 
 def test_units_are_known_and_several_keys_change_together():
+    curve = [["0 rpm", "20 N*m"], ["3000 rpm", "10 N*m"]]
     content = {
-        "a": "315 mm",
-        "b": ["1 kg", {"c": 2.0}],
+        "payload": "315 g",
+        "robot": {"base_radius": "10 cm", "drive": {"torque_curve": curve}},
         "start": ["10 cm", 0, 0],
         "goal": [0.3, 0, 0],
     }
-    found = changed(
-        content, {"a plus": 0.02, "b.0 b.1.c times": 3.0, "d.e": "word", "place.x": 1.0}
+    times = "robot.base_radius robot.drive.torque_curve times"
+    found = changed(content, {"payload plus": 0.02, times: 3.0, "d.e": "word", "place.x": 1.0})
+    assert found["payload"] == pytest.approx(0.335)
+    assert found["robot"]["base_radius"] == pytest.approx(0.3)
+    speeds = np.pi * np.array([0.0, 300.0])
+    assert np.array(found["robot"]["drive"]["torque_curve"]) == pytest.approx(
+        np.column_stack([speeds, [60.0, 30.0]])
     )
-    assert found["a"] == pytest.approx(0.335)
-    assert found["b"] == [3.0, {"c": 6.0}]
     assert found["d"] == {"e": "word"}
     assert np.ravel([found["start"], found["goal"]]) == pytest.approx([0.9, 0, 0, 1.1, 0, 0])
-    assert content["a"] == "315 mm"
+    assert content["payload"] == "315 g"
 
 
 SCENE = f"scene: {Path('problems/pick_and_place.yaml').resolve()}\n"
