@@ -84,9 +84,6 @@ duration."""
 
 Outcome = Plan | DeltaOptError
 """What came of an attempt."""
-Remedy = Callable[[TrajectoryOptimiser, Attempt, Outcome], Attempt | None]
-"""What to attempt after what came of an attempt; None where the remedy is none for that. It may
-raise an error where nothing can help."""
 
 
 @dataclass(frozen=True)

@@ -122,10 +122,7 @@ class TrajectoryOptimiser:
         solved again with tighter limits where it cannot be slowed.
         """
         guess = Guess(
-            attempt.motion,
-            attempt.is_near,
-            accuracy,
-            on_its_mesh=attempt.on_twice_its_mesh,
+            attempt.motion, attempt.is_near, accuracy, on_its_mesh=attempt.on_twice_its_mesh
         )
         scaling = attempt.scaling(attempt.motion, attempt.motion.duration)
         return self._refined(attempt, guess, attempt.mesh, scaling, report)
