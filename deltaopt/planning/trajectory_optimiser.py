@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from math import isinf
+from math import inf, isinf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -107,8 +107,12 @@ class TrajectoryOptimiser:
 
     def on_first_mesh(self, attempt: Attempt) -> Trajectory:
         """The fastest motion on the first mesh alone, which may break limits between its points."""
-        accuracy = max(self.accuracy, _TRIAL_TOLERANCE)
-        guess = Guess(attempt.motion, attempt.is_near, accuracy)
+        guess = Guess(
+            attempt.motion,
+            attempt.is_near,
+            max(self.accuracy, _TRIAL_TOLERANCE),
+            is_trial=not attempt.problem.is_at_rest,
+        )
         extent = None if attempt.problem.is_at_rest else attempt.motion.extent
         scaling = Scaling(attempt.problem, attempt.motion.duration, extent=extent)
         program = self.program(scaling, fastest(attempt.problem))
@@ -122,7 +126,11 @@ class TrajectoryOptimiser:
         solved again with tighter limits where it cannot be slowed.
         """
         guess = Guess(
-            attempt.motion, attempt.is_near, accuracy, on_its_mesh=attempt.on_twice_its_mesh
+            attempt.motion,
+            attempt.is_near,
+            accuracy,
+            on_its_mesh=attempt.on_twice_its_mesh,
+            is_trial=attempt.most < inf and not attempt.problem.is_at_rest,
         )
         scaling = attempt.scaling(attempt.motion, attempt.motion.duration)
         return self._refined(attempt, guess, attempt.mesh, scaling, report)

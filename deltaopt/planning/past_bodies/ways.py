@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import dist, hypot, inf
+from math import dist, inf
 
 import numpy as np
 
@@ -52,10 +52,6 @@ belt has left where a way ends that takes longer. It is then taken as one near t
 that moves away from all bounds first, as from a motion that may be anywhere, leaves the side of a
 thin body; at the bounds it hardly moves. Of 204 ways of 40 scenes 93 % were planned so, 83 %
 without, in half the time."""
-_SLOW = 1.5
-"""How much faster ends may be than a way on average, for it to be near the best motion. In the
-midst of motions, where ends are faster, 60 plans took 0.3 of the time when they began as from
-anywhere; of 123 scenes with slow ends three were then longer, by 0.6 % to 2.8 %."""
 _FINER = (1, 2, 4)
 """By what factors the first mesh is made finer until a way is solved on it, and until a plan past
 bodies succeeds: between the points of a coarse mesh a motion may lead through a thin body. A way on
@@ -210,10 +206,7 @@ class _SearchOfWays:
         if scene.task.goal.moves:  # it is not where the way ends for long
             slower = self.attempt.motion.duration / way.motion.duration
         motion = way.motion.slowed(slower)
-        is_near = _ends_slowly(scene, way.motion)
-        begin = replace(
-            self.attempt, scene=scene, motion=motion, is_near=is_near, proposal=way.name
-        )
+        begin = replace(self.attempt, scene=scene, motion=motion, is_near=True, proposal=way.name)
         return _Trial(begin, way.motion.duration, way.motion)
 
     def _solved(self, trial: _Trial) -> _Trial:
@@ -315,19 +308,12 @@ class _Trial:
         there is one, and the way's, as one near the best and as one that may be anywhere."""
         finer = _FINE if self.fine else 1
         found = [self.near(self.finest, finer)] if self.is_solved else []
-        return [*found, self.attempt, replace(self.attempt, is_near=not self.attempt.is_near)]
+        return [*found, self.attempt, replace(self.attempt, is_near=False)]
 
     def near(self, motion: Trajectory, finer: int) -> Attempt:
         """The attempt from a motion that is near the best, on so much finer a first mesh."""
         intervals = finer * self.attempt.intervals
         return replace(self.attempt, motion=motion, intervals=intervals, is_near=True)
-
-
-def _ends_slowly(scene: Scene, way: Trajectory) -> bool:
-    """Whether a scene asks for ends so slow that a way, from rest to rest, is near the best
-    motion."""
-    speeds = [hypot(*end.velocity) for end in (scene.task.start, scene.task.goal)]
-    return max(speeds) * way.duration <= _SLOW * way.extent
 
 
 def _past_all(scene: Scene, attempt: Attempt, planned: Planning) -> Plan:
