@@ -269,7 +269,7 @@ def _kept(scene: Scene, motion: Trajectory) -> Trajectory | None:
     """A motion between the ends of a scene, slowed until it keeps all limits where that changes no
     end; None if it does not keep them. Raises NotConverged or what rules it out."""
     problem = problem_of(scene)
-    is_right = _is_asked_for(problem, motion) and is_clear(scene, motion)
+    is_right = _ends_as_asked(problem, motion) and is_clear(scene, motion)
     if not is_right or crosses_singularity(problem, motion):
         return None
     factor = safe_factor(problem, motion)
@@ -279,7 +279,7 @@ def _kept(scene: Scene, motion: Trajectory) -> Trajectory | None:
     return motion if is_kept else None
 
 
-def _is_asked_for(problem: Problem, motion: Trajectory) -> bool:
+def _ends_as_asked(problem: Problem, motion: Trajectory) -> bool:
     return off_its_ends(problem, motion) < _ROUNDING * motion.extent
 
 
@@ -312,7 +312,7 @@ def _in_the_way(scene: Scene, motion: Trajectory, name: str) -> tuple[float, str
     if crosses_singularity(problem, motion):
         return least, f"{name} leads through a parallel singularity"
     # A way past bodies may be one from rest to rest: of it nothing more is known.
-    is_asked_for = not problem.is_at_rest and _is_asked_for(problem, motion)
+    is_asked_for = not problem.is_at_rest and _ends_as_asked(problem, motion)
     factor = if_possible(NO_PLAN, safe_factor, problem, motion) if is_asked_for else None
     if factor is None or factor == inf or factor <= 1 + KEPT:
         return least, ""

@@ -111,7 +111,7 @@ class TrajectoryOptimiser:
             attempt.motion,
             attempt.is_near,
             max(self.accuracy, _TRIAL_TOLERANCE),
-            is_trial=not attempt.problem.is_at_rest,
+            is_trial=True,
         )
         extent = None if attempt.problem.is_at_rest else attempt.motion.extent
         scaling = Scaling(attempt.problem, attempt.motion.duration, extent=extent)
@@ -130,7 +130,7 @@ class TrajectoryOptimiser:
             attempt.is_near,
             accuracy,
             on_its_mesh=attempt.on_twice_its_mesh,
-            is_trial=attempt.most < inf and not attempt.problem.is_at_rest,
+            is_trial=attempt.most < inf,
         )
         scaling = attempt.scaling(attempt.motion, attempt.motion.duration)
         return self._refined(attempt, guess, attempt.mesh, scaling, report)

@@ -20,7 +20,7 @@ import numpy as np
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError, shown
-from deltaopt.files.units import LENGTH, RATIO, Misread, Quantity
+from deltaopt.files.units import LENGTH, RATIO, Misread, Quantity, percentage
 from deltaopt.files.validated_record import Record
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.cycle import Cycle
@@ -116,8 +116,8 @@ def _moved(content: Content, key: str, how: Callable[[Any, Any], Any], to: Any) 
 
 def in_si(header: str, value: Any) -> Any:
     """The value of a change, or a list of such, in the SI unit of what its header names: text in
-    another unit of it becomes a number, and what is no number stays. Raises SceneError where its
-    unit is another, or it is too large."""
+    another unit of it becomes a number, and what is no number stays, shares such as "85 %" too, for
+    it is not known what of. Raises SceneError where its unit is another, or it is too large."""
     return [_in_si(header, key, value) for key in _keys(header)][-1]
 
 
@@ -130,8 +130,10 @@ def _in_si(header: str, key: str, value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_in_si(header, f"{key}.{place}", each) for place, each in enumerate(value)]
     quantity = _changed(header, key)
+    if quantity is None or (quantity.unit and percentage(value) is not None):
+        return value
     try:
-        return quantity.in_si(value) if quantity else value
+        return quantity.in_si(value)
     except Misread as error:
         unit = f"in {_unit(quantity)}" if _unit(quantity) else "without unit"
         problem = f"is {shown(value)}, which {error}"
@@ -168,7 +170,7 @@ def _quantity(key: str) -> Quantity | None:
             kinds = [Robot] if name == "robot" else [*inside, *field.metadata]
     found = [kind for kind in kinds if isinstance(kind, Quantity)]
     of_point = int(parts[-1]) if parts[-1].isdigit() and len(found) > 1 else 0
-    return found[of_point] if found else None
+    return found[of_point] if of_point < len(found) else None
 
 
 def _inside(kind: Any) -> Iterator[Any]:

@@ -10,7 +10,7 @@ import pytest
 import deltaopt
 from deltaopt.errors import SceneError
 from deltaopt.scene.scene_file import content_with_files, made_of
-from deltaopt.sensitivity.keys import changed
+from deltaopt.sensitivity.keys import changed, in_si, unit_of
 from deltaopt.sweeps.sweep_file import load_sweep
 
 MOVED = (0.01, -0.02, 0.03)
@@ -89,6 +89,17 @@ def test_units_are_known_and_several_keys_change_together():
     assert found["d"] == {"e": "word"}
     assert np.ravel([found["start"], found["goal"]]) == pytest.approx([0.9, 0, 0, 1.1, 0, 0])
     assert content["payload"] == "315 g"
+
+
+def test_shares_and_lists_stay_what_the_file_makes_of_them(tmp_path):
+    """The torques of this scene are a share of the drive's; a row of a curve has no unit."""
+    file, values = tmp_path / "sweep.yaml", ["80 %", 6.0]
+    file.write_text(f"{SCENE}grid: {{limits.torque: [80 %, 6 N*m]}}\n", encoding="utf-8")
+    _, points = load_sweep(file)
+    assert [change["limits.torque"] for change in points.axes[0]] == values
+    row = "robot.drive.torque_curve.2"
+    assert in_si(row, ["3000 rpm", "10 N*m"]) == pytest.approx([100 * np.pi, 10.0])
+    assert unit_of(row) == ""
 
 
 SCENE = f"scene: {Path('problems/pick_and_place.yaml').resolve()}\n"

@@ -171,7 +171,7 @@ class FlatProblem:
         sooner than another solver on this one would.
         """
         begins: tuple[Settings, ...] = _FROM_NEAR if guess.near else _FROM_FAR
-        if guess.is_trial:
+        if guess.is_trial and not scaling.problem.is_at_rest:
             begins = _FOR_TRIAL
         elif self.equations.cost.running and not guess.near:
             begins = replace(FAR, iterations=_ALONG_A_VALLEY), *_FROM_FAR[1:]

@@ -90,8 +90,7 @@ class Guess:
     limits that were moved by a little; None on another mesh.
     ``on_its_mesh``: whether the motion's knots are among those of this mesh; through a passage that
     is narrower than the spacing of knots elsewhere a solution must not go far from it.
-    ``is_trial``: whether it is a way from rest to rest, and ends move, and others are tried beside
-    it, or a plan is known.
+    ``is_trial``: whether others are tried beside it, or a plan is known.
     """
 
     trajectory: Trajectory
