@@ -107,12 +107,8 @@ class TrajectoryOptimiser:
 
     def on_first_mesh(self, attempt: Attempt) -> Trajectory:
         """The fastest motion on the first mesh alone, which may break limits between its points."""
-        guess = Guess(
-            attempt.motion,
-            attempt.is_near,
-            max(self.accuracy, _TRIAL_TOLERANCE),
-            is_trial=True,
-        )
+        accuracy = max(self.accuracy, _TRIAL_TOLERANCE)
+        guess = Guess(attempt.motion, attempt.is_near, accuracy, is_trial=True)
         extent = None if attempt.problem.is_at_rest else attempt.motion.extent
         scaling = Scaling(attempt.problem, attempt.motion.duration, extent=extent)
         program = self.program(scaling, fastest(attempt.problem))
