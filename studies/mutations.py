@@ -84,7 +84,7 @@ CHANGES: dict[str, Change] = {
     "zeros": _zeros,
     "first argument": _the(0),
     "second argument": _the(1),
-    "untightened": lambda _: lambda self, *_: replace(self.scaling, share=1.0),
+    "untightened": lambda _: lambda last, *_: replace(last.scaling, share=1.0),
     "one start": lambda _: lambda self, scene, usual, search: usual(scene),
     "followed": _always({"amplification": 1.0, "arrival_distance": 0.0, "arrival_speed": 0.0}),
     "links as they come": lambda _: lambda scene, planned, *_: (planned(scene), 0.0),

@@ -32,6 +32,7 @@ from deltaopt.planning.mesh.error_estimate import (
 from deltaopt.planning.mesh.gap import record_of, with_gap
 from deltaopt.planning.mesh.kept_limits import tightest
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, solve_on_mesh
+from deltaopt.planning.mesh.next_scaling import next_scaling
 from deltaopt.planning.nlp.phases import FacePhases, joined
 from deltaopt.planning.nlp.problem import Formulated, Guess
 from deltaopt.planning.nlp.scaling import Scaling
@@ -153,7 +154,7 @@ class Refinement:
             mesh = self._finer(last, target / 3**self._failures)
             faces = self._faces(last)
             mesh = mesh if faces is None else faces.on(mesh, self.scaling.problem.together)
-            scaling = last.tightened(mesh, faces)
+            scaling = next_scaling(last, mesh, faces)
             if self._is_repetition(last, mesh, scaling):
                 self.report(f"{len(last.mesh)} intervals: no finer mesh is known to be worth it")
                 break

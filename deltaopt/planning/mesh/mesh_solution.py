@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf, isinf
+from math import inf
 
 import numpy as np
 
@@ -17,31 +17,20 @@ from deltaopt.motion.sure_bounds import sure_excess
 from deltaopt.motion.time_scaling import fractions_of, needed_slowing
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.bends import hidden_cost, missed_cost
-from deltaopt.planning.mesh.constraint_tightening import (
-    bulge,
-    bulge_shares,
-    corner_shares,
-    points_apart,
-    samples_at,
-    tightened_where_exceeded,
-)
+from deltaopt.planning.mesh.constraint_tightening import bulge, points_apart, samples_at
 from deltaopt.planning.mesh.edges import prices, touching
 from deltaopt.planning.mesh.error_estimate import (
     FRACTIONS,
     SAFETY_FACTOR,
     ErrorEstimate,
     error_estimate,
-    longest_tightened,
 )
 from deltaopt.planning.nlp.phases import FacePhases
 from deltaopt.planning.nlp.problem import Guess, MeshProgram, Solved
-from deltaopt.planning.nlp.scaling import UNTIGHTENED, Scaling
+from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.softening import Softening
 from deltaopt.problem.problem import Problem
 
-_NEARLY_LAST = 5e-3
-"""Gap of a motion that cannot be slowed below which the next mesh may be the last. Limits that are
-tightened on coarser meshes lead finer ones astray."""
 _CHEAPEST = 0.05
 """Least price of a limit that is exceeded between points, a fraction of the cost per share of it,
 where effort or smoothness counts: at the points it may not be active."""
@@ -72,7 +61,7 @@ def solve_on_mesh(program: MeshProgram, scaling: Scaling, guess: Guess) -> MeshS
         lost = _lost(mesh, solution, resolved, slowing, scaling)
     has_arrived = solution.left <= guess.tolerance
     found = MeshSolution(
-        program, solution, trajectory, loads, lost, unused, needed, scaling, has_arrived
+        program, solution, mesh, trajectory, loads, lost, unused, needed, scaling, has_arrived
     )
     if problem.objective.running:
         found = found.with_cost_of_bends()
@@ -139,11 +128,11 @@ def _by_interval(rows: Array) -> Array:
 class MeshSolution:
     """A problem solved on one mesh; its motion is not slowed yet.
 
-    ``scaling``: units and tightened limits of the problem. ``loads``: constraint rows at
-    ``FRACTIONS`` of the intervals. ``lost``: the estimated loss of time to the mesh. ``unused``:
-    the same with what softer friction loses, without what slowing costs. ``needed``: by which
-    factor the motion must be slowed to keep every limit; of all instants if ``is_exact``, else of
-    samples.
+    ``mesh``: lengths of the intervals, fractions of the duration, (N,). ``scaling``: units and
+    tightened limits of the problem. ``loads``: constraint rows at ``FRACTIONS`` of the intervals.
+    ``lost``: the estimated loss of time to the mesh. ``unused``: the same with what softer friction
+    loses, without what slowing costs. ``needed``: by which factor the motion must be slowed to keep
+    every limit; of all instants if ``is_exact``, else of samples.
     ``excess``: as of ``sure_excess``, and ``beside``: what is lost beside each of these limits,
     (rows,); None without such. ``has_arrived``: whether the solver left no more than was asked for.
     ``gap``: the estimated optimality gap, as of ``with_gap``.
@@ -151,6 +140,7 @@ class MeshSolution:
 
     program: MeshProgram
     solution: Solved
+    mesh: Array
     trajectory: Trajectory
     loads: Loads
     lost: ErrorEstimate
@@ -329,83 +319,11 @@ class MeshSolution:
         """What softer friction loses, a fraction of the cost, where no finer mesh helps."""
         return 0.0 if self.scaling.softening is None else max(0.0, self.unused - self.lost.total)
 
-    @cached_property
-    def mesh(self) -> Array:
-        """Lengths of the intervals, fractions of the duration, (N,)."""
-        return self.program.mesh if self.solution.mesh is None else self.solution.mesh
-
     @property
     def faces(self) -> FacePhases | None:
         """The phases past edges that the motion was found in; None if there are none."""
         faces = self.scaling.faces
         return None if faces is None else faces.moved(self.program.mesh, self.mesh)
-
-    def tightened(self, mesh: Array, faces: FacePhases | None = None) -> Scaling:
-        """The scaling with tightened limits for the next mesh, which divides this one.
-
-        ``faces``: phases of the next mesh.
-
-        Limits of position are tightened in intervals of any length, for slowing does not help
-        them; others in short ones alone, unless slowing does not help these either, or the motion
-        cannot be slowed: its last mesh is solved again until it keeps all limits, and then takes
-        fewer solves.
-        """
-        constraints = self.scaling.constraints
-        places, others = constraints.sampled_places, time_costing_rows(constraints)
-        shares, size = self.scaling.shares(len(self.mesh)), self.sizes
-        cannot_slow = not self.problem.may_be_slowed and self.own_gap < _NEARLY_LAST
-        soon = cannot_slow or self._is_held(shares[:, others])
-        anywhere = places | others if soon else places
-        tightenable = anywhere if mesh.min() > longest_tightened(self.problem) else places | others
-        tightened = replace(self.scaling, share=UNTIGHTENED)
-        if tightenable.any():
-            points, seen = self.program.points, self._with_missed(size, places)
-            tightened = tightened_where_exceeded(
-                self.scaling, self.mesh, mesh, points, seen, tightenable, anywhere
-            )
-        tightened = replace(tightened, faces=faces)
-        if self.excess is None:
-            return tightened
-        return self._tightened_at_bodies(tightened, size, shares, mesh)
-
-    def _is_held(self, shares: Array) -> bool:
-        """Whether a limit that is kept in motion alone is exceeded between points, as a torque
-        limit near a singularity, where gravity asks for more at rest; or was on a mesh before.
-
-        ``shares``: of limits that slowing usually helps to keep, (N, rows).
-        """
-        long = self.mesh > longest_tightened(self.problem)
-        return isinf(self.safe_factor) or bool((shares[long] < UNTIGHTENED).any())
-
-    def _with_missed(self, size: Array, places: Truths) -> Array:
-        """Sizes of all rows, with what samples between the points have missed of limits of
-        position, if a search of all instants has found that these are exceeded, and what the solver
-        may leave of them next time."""
-        missed = self.needed.misplaced
-        if not self.is_exact or missed <= 0 or size[:, :, places].max(initial=0.0) > 1:
-            return size
-        between = np.setdiff1d(np.arange(len(FRACTIONS)), samples_at(self.program.points))
-        seen = size.copy()
-        raised = np.ix_(np.arange(len(size)), between, np.flatnonzero(places))
-        seen[raised] += missed + self.solution.left
-        return seen
-
-    def _tightened_at_bodies(
-        self, scaling: Scaling, size: Array, shares: Array, mesh: Array
-    ) -> Scaling:
-        """A scaling for the next mesh with limits that are convex in the position tightened where
-        the motion bulges over them; ``size`` and ``shares``: of all rows on this mesh."""
-        assert self.excess is not None
-        convex = self.scaling.constraints.convex
-        share, points = scaling.shares(len(mesh)).copy(), self.program.points
-        highest = 1 + self.excess
-        if scaling.faces is not None:  # the bound may be far from what it bounds beside an edge
-            is_clear = scaling.faces.rows & (self.excess <= 0)
-            highest = np.where(is_clear, size[:, :, convex].max(axis=1), highest)
-        own = points, size[:, :, convex], highest, shares[:, convex]
-        rounded = corner_shares(scaling, self.trajectory, mesh)
-        share[:, convex] = np.minimum(bulge_shares(self.mesh, mesh, *own), rounded)
-        return replace(scaling, share=share)
 
     @property
     def status(self) -> str:
