@@ -20,10 +20,15 @@ class WrongUsage(Unusable):
     """An argument contradicts another one or asks for what no file can hold."""
 
 
+def add_flag(parser: argparse.ArgumentParser, name: str, words: str) -> None:
+    """Add an option without a value: False, or True where it is given."""
+    parser.add_argument(name, action="store_true", help=words)
+
+
 def add_json(parser: argparse.ArgumentParser, of_several: str = "") -> None:
     """Add the option --json, for machines; ``of_several``: what it prints of several files."""
     words = f"print one JSON object{of_several} and no tables; SI units"
-    parser.add_argument("--json", action="store_true", help=words)
+    add_flag(parser, "--json", words)
 
 
 def add_output(

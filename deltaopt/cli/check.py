@@ -30,7 +30,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from deltaopt.cli.arguments import WrongUsage, add_json, add_output, output_directory
+from deltaopt.cli.arguments import WrongUsage, add_flag, add_json, add_output, output_directory
 from deltaopt.cli.streams import new_files, print_json
 from deltaopt.codegen.compile import describe
 from deltaopt.curves.piecewise import Array
@@ -84,12 +84,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="scene or robot file, such as problems/pick_and_place.yaml",
     )
-    parser.add_argument(
-        "--terms",
-        action="store_true",
-        help="plan the scene without each term of its robot in turn, rank the terms by what that "
-        "does, and draw terms.png",
+    words = (
+        "plan the scene without each term of its robot in turn, rank the terms by what that "
+        "does, and draw terms.png"
     )
+    add_flag(parser, "--terms", words)
     add_output(parser)
     add_json(parser)
 

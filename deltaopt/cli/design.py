@@ -15,7 +15,7 @@ import argparse
 from pathlib import Path
 from time import process_time
 
-from deltaopt.cli.arguments import add_json, add_output, optimality_gap, output_directory
+from deltaopt.cli.arguments import add_flag, add_json, add_output, optimality_gap, output_directory
 from deltaopt.cli.streams import present, print_json, print_written, say
 from deltaopt.designs.design import TOLERANCE, Candidate, Designed, design
 from deltaopt.files.csv_table import csv_text
@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_output(parser)
     add_json(parser)
     words = "optimise without those of plans"
-    parser.add_argument("--no-derivatives", action="store_true", help=words)
+    add_flag(parser, "--no-derivatives", words)
     words = f"relative optimality gap of plans (default: {TOLERANCE:g})"
     parser.add_argument(
         "--tolerance", type=optimality_gap, metavar="GAP", default=TOLERANCE, help=words

@@ -12,14 +12,14 @@ from __future__ import annotations
 
 import argparse
 
-from deltaopt.cli.arguments import folder
+from deltaopt.cli.arguments import add_flag, folder
 from deltaopt.cli.streams import print_written
 from deltaopt.output.starting_files import CELL_FILE, SCENE_FILE, write_starting_files
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("directory", type=folder, metavar="DIR", help="folder for both files")
-    parser.add_argument("--cell", action="store_true", help="a cycle of a packaging cell")
+    add_flag(parser, "--cell", "a cycle of a packaging cell")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -32,6 +32,7 @@ from typing import Any
 
 from deltaopt.cli.arguments import (
     WrongUsage,
+    add_flag,
     add_json,
     add_output,
     first_intervals,
@@ -111,19 +112,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         words="directory to write to, made if need be; of several scenes the one that theirs are "
         "in (default: out/ and the scene's name, and baseline/ in it with --baseline)",
     )
-    parser.add_argument("--no-plot", action="store_true", help="draw no plan.png, which is faster")
-    parser.add_argument(
-        "--plot-limits", action="store_true", help="draw limits.png: every limit over time"
-    )
-    parser.add_argument(
-        "--report", action="store_true", help="write report.html: the robot moves on it"
-    )
+    add_flag(parser, "--no-plot", "draw no plan.png, which is faster")
+    add_flag(parser, "--plot-limits", "draw limits.png: every limit over time")
+    add_flag(parser, "--report", "write report.html: the robot moves on it")
     add_json(parser, " (of several scenes one a line)")
-    parser.add_argument(
-        "--details",
-        action="store_true",
-        help="print every measure, the duty of the motors, singularities and a lower bound too",
-    )
+    words = "print every measure, the duty of the motors, singularities and a lower bound too"
+    add_flag(parser, "--details", words)
     parser.add_argument(
         "-v",
         "--verbose",
@@ -132,11 +126,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="print to stderr what is attempted and what comes of it; twice: and every iteration "
         "of the solver",
     )
-    parser.add_argument(
-        "--baseline",
-        action="store_true",
-        help="no optimisation: the straight line by a quintic law, slowed until it keeps limits",
-    )
+    words = "no optimisation: the straight line by a quintic law, slowed until it keeps limits"
+    add_flag(parser, "--baseline", words)
     parser.add_argument(
         "--tolerance",
         type=optimality_gap,
@@ -165,12 +156,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=None,
         help="say how the duration depends on every number of scene and robot",
     )
-    parser.add_argument(
-        "--rated",
-        action="store_true",
-        help="there and back with the payload both ways, without a pause, as fast as the motors' "
-        "rated torques allow for ever",
+    words = (
+        "there and back with the payload both ways, without a pause, as fast as the motors' "
+        "rated torques allow for ever"
     )
+    add_flag(parser, "--rated", words)
     parser.add_argument(
         "--rate",
         type=positive,

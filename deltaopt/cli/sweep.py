@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from deltaopt.cli.arguments import add_output, one_or_more
+from deltaopt.cli.arguments import add_flag, add_output, one_or_more
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.sweeps.findings import best_compromises, message, told, varied
 from deltaopt.sweeps.points import SweepPoints
@@ -38,7 +38,7 @@ def add_how(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", type=one_or_more, metavar="N", help=words)
     words = "of a Dask cluster, such as tcp://host:8786, whose workers plan instead"
     parser.add_argument("--scheduler", metavar="ADDRESS", help=words)
-    parser.add_argument("--no-plot", action="store_true", help="draw no picture")
+    add_flag(parser, "--no-plot", "draw no picture")
 
 
 def filled(arguments: argparse.Namespace, name: str, points: SweepPoints) -> tuple[Path, Any]:

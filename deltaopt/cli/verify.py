@@ -25,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
-from deltaopt.cli.arguments import WrongUsage, add_json, kilograms
+from deltaopt.cli.arguments import WrongUsage, add_flag, add_json, kilograms
 from deltaopt.cli.streams import print_json, say, say_failures
 from deltaopt.errors import DeltaOptError, Singular, Unreachable, installed
 from deltaopt.output.foreign_table import ANGLES, ForeignTable, UnreadableTable, read_foreign_table
@@ -82,11 +82,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="replay a plan's torques in another program too, which needs the extra mujoco: "
         "pip install -e '.[mujoco]' in the clone",
     )
-    parser.add_argument(
-        "--controller-angles",
-        action="store_true",
-        help="a table's angles have the zero and sign of the robot's controller",
-    )
+    words = "a table's angles have the zero and sign of the robot's controller"
+    add_flag(parser, "--controller-angles", words)
 
 
 def run(arguments: argparse.Namespace) -> int:
