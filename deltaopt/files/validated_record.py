@@ -52,6 +52,8 @@ Positive = Annotated[Number, Field(gt=0)]
 Below1 = Annotated[Positive, Field(lt=1)]
 Text = Annotated[str, Field(strict=True, min_length=1)]
 
+Triple = tuple[Number, Number, Number]
+"""Three numbers of a file, such as a vector's."""
 Vector3 = tuple[float, float, float]
 PerMotor = Positive | tuple[Positive, Positive, Positive]
 """One positive number for all three motors, or one for each."""

@@ -21,7 +21,7 @@ from pydantic import AfterValidator, Field, model_validator
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
 from deltaopt.files.units import ANGLE
-from deltaopt.files.validated_record import Number, Record, optional
+from deltaopt.files.validated_record import Number, Record, Triple, optional
 
 
 def _one(value: float) -> float:
@@ -43,9 +43,7 @@ class Joints(Record):
     None where there is no such limit, a zero of 0 or a sign of 1.
     """
 
-    zero: Annotated[Number | tuple[Number, Number, Number], ANGLE] | None = optional(
-        "one angle in rad or three"
-    )
+    zero: Annotated[Number | Triple, ANGLE] | None = optional("one angle in rad or three")
     sign: Sign | tuple[Sign, Sign, Sign] | None = optional("1 or -1, or three of them")
     arm: Annotated[tuple[Number, Number], ANGLE] | None = optional(
         "two angles [least, largest] in rad, the first the lesser"

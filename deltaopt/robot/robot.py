@@ -22,6 +22,7 @@ from deltaopt.files.validated_record import (
     Positive,
     Record,
     Text,
+    Triple,
     Vector3,
     optional,
 )
@@ -135,7 +136,7 @@ class Robot(Machine):
     drive: Drive = Field(
         description="a mapping with the key torque (N·m) and, if speeds are limited, speed (rad/s)"
     )
-    gravity: Annotated[NonNegative | tuple[Number, Number, Number], GRAVITY] = Field(
+    gravity: Annotated[NonNegative | Triple, GRAVITY] = Field(
         default=9.81,
         description="an acceleration in m/s², at least 0, downward, or a vector [x, y, z]",
     )

@@ -11,16 +11,16 @@ from deltaopt.errors import SceneError
 from deltaopt.files.units import EXTENT, LENGTH, MASS, WIDTH
 from deltaopt.files.validated_record import (
     NonNegative,
-    Number,
     Positive,
     Record,
+    Triple,
     Vector3,
     optional,
     vector3,
 )
 
-Point = Annotated[tuple[Number, Number, Number], LENGTH]
-Corner = Annotated[tuple[Number, Number, Number], EXTENT]
+Point = Annotated[Triple, LENGTH]
+Corner = Annotated[Triple, EXTENT]
 POINT = "three coordinates [x, y, z] in m"
 RADIUS = "a length in m, greater than 0"
 _OTHER = "three coordinates [x, y, z] in m, other than from"

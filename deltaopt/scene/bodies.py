@@ -24,7 +24,7 @@ from pydantic import Field, model_validator
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError, in_words
 from deltaopt.files.units import RATIO
-from deltaopt.files.validated_record import Number, Record, Vector3, optional, vector3
+from deltaopt.files.validated_record import Record, Triple, Vector3, optional, vector3
 from deltaopt.robot.solids import ALONG_THE_BASE, MOST_TRIANGLES, Axes, Convex, Polytope, Solid
 from deltaopt.robot.tool import (
     POINT,
@@ -69,9 +69,7 @@ class HalfSpace(Record):
     """
 
     point: Point = Field(description=POINT)
-    normal: Annotated[tuple[Number, Number, Number], RATIO] = Field(
-        description="a vector [x, y, z], not zero"
-    )
+    normal: Annotated[Triple, RATIO] = Field(description="a vector [x, y, z], not zero")
 
     @property
     def centre(self) -> Vector3:

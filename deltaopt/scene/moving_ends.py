@@ -10,7 +10,7 @@ from pydantic import Field
 
 from deltaopt.errors import SceneError, inside
 from deltaopt.files.units import ACCELERATION, SPEED
-from deltaopt.files.validated_record import Number, Record, Vector3, optional, vector3
+from deltaopt.files.validated_record import Record, Triple, Vector3, optional, vector3
 from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.robot.tool import POINT, Point
 
@@ -32,10 +32,10 @@ class State(Record):
     """
 
     at: Point = Field(description=POINT)
-    velocity: Annotated[tuple[Number, Number, Number], SPEED] = Field(
+    velocity: Annotated[Triple, SPEED] = Field(
         default=REST, description="a velocity [x, y, z] in m/s"
     )
-    acceleration: Annotated[tuple[Number, Number, Number], ACCELERATION] | None = optional(
+    acceleration: Annotated[Triple, ACCELERATION] | None = optional(
         "an acceleration [x, y, z] in m/s²"
     )
 
@@ -62,9 +62,7 @@ class Belt(Record):
     """
 
     at: Point = Field(description=f"{POINT}: where the goal is when the motion starts")
-    belt: Annotated[tuple[Number, Number, Number], SPEED] = Field(
-        description="the belt's velocity [x, y, z] in m/s"
-    )
+    belt: Annotated[Triple, SPEED] = Field(description="the belt's velocity [x, y, z] in m/s")
 
     @property
     def end(self) -> Boundary:

@@ -26,9 +26,9 @@ from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, shifted
 from deltaopt.errors import SceneError
 from deltaopt.files.csv_table import WrongCsv, read_csv
 from deltaopt.files.units import LENGTH, SPEED, WIDTH
-from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Vector3
+from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Triple, Vector3
 
-_Points = Annotated[tuple[tuple[Number, Number, Number], ...], LENGTH]
+_Points = Annotated[tuple[Triple, ...], LENGTH]
 _Speeds = Annotated[tuple[NonNegative, NonNegative], SPEED]
 _Width = Annotated[Positive, WIDTH]
 
@@ -203,8 +203,8 @@ class Curve(GivenPath):
 
     s: tuple[Number, ...] = Field(description="increasing parameters, two or more", min_length=2)
     x: _Points = Field(description="a point in m for each s")
-    dx: tuple[tuple[Number, Number, Number], ...] = Field(description="dx/ds for each s")
-    ddx: tuple[tuple[Number, Number, Number], ...] = Field(description="d²x/ds² for each s")
+    dx: tuple[Triple, ...] = Field(description="dx/ds for each s")
+    ddx: tuple[Triple, ...] = Field(description="d²x/ds² for each s")
 
     @model_validator(mode="before")
     @classmethod
