@@ -8,7 +8,8 @@ import casadi as ca
 import numpy as np
 from matplotlib.figure import Figure
 
-from deltaopt.dynamics import Body, Effort, Explicit, Mechanism, Partition
+from deltaopt.dynamics.mechanism import Body, Effort
+from deltaopt.research import Explicit, Mechanism, Partition
 
 CRANK, ROD = 0.04, 0.13  # lengths, m
 

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from deltaopt.dynamics import ClosedForm, NullSpace, Partition
+from deltaopt.dynamics.constraint_matrix import ClosedForm, NullSpace, Partition
 from deltaopt.dynamics.linear import reflect, solve_scalars
 from deltaopt.mechanisms.delta.mechanism import delta
 from studies.spherical_pendulum import spherical_pendulum

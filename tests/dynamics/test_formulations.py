@@ -7,15 +7,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from deltaopt.dynamics import (
-    ClosedForm,
-    Explicit,
-    Kane,
-    Multiplier,
-    NullSpace,
-    Partition,
-    VirtualWork,
-)
+from deltaopt.dynamics.constraint_matrix import ClosedForm, NullSpace, Partition
+from deltaopt.dynamics.kane import Kane
+from deltaopt.dynamics.lagrange import Explicit, Multiplier
+from deltaopt.dynamics.virtual_work import VirtualWork
 from deltaopt.mechanisms.delta.mechanism import delta
 from tests import paper_delta as paper
 

@@ -9,17 +9,11 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from deltaopt.dynamics import (
-    Body,
-    Effort,
-    Explicit,
-    Kane,
-    Mechanism,
-    Multiplier,
-    NullSpace,
-    Partition,
-    VirtualWork,
-)
+from deltaopt.dynamics.constraint_matrix import NullSpace, Partition
+from deltaopt.dynamics.kane import Kane
+from deltaopt.dynamics.lagrange import Explicit, Multiplier
+from deltaopt.dynamics.mechanism import Body, Effort, Mechanism
+from deltaopt.dynamics.virtual_work import VirtualWork
 from tests import paper_delta
 
 SX = ca.SX

@@ -12,17 +12,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from deltaopt.dynamics import (
-    Body,
-    ClosedForm,
-    Explicit,
-    Kane,
-    Mechanism,
-    Multiplier,
-    NullSpace,
-    Partition,
-    VirtualWork,
-)
+from deltaopt.dynamics.constraint_matrix import ClosedForm, NullSpace, Partition
+from deltaopt.dynamics.kane import Kane
+from deltaopt.dynamics.lagrange import Explicit, Multiplier
+from deltaopt.dynamics.mechanism import Body, Mechanism
+from deltaopt.dynamics.virtual_work import VirtualWork
 from tests import paper_delta
 
 SX = ca.SX

@@ -5,7 +5,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from deltaopt.dynamics import ClosedForm
+from deltaopt.dynamics.constraint_matrix import ClosedForm
 from deltaopt.mechanisms.delta.mechanism import delta
 from tests import paper_delta as paper
 

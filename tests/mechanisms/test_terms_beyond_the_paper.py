@@ -15,8 +15,10 @@ import numpy as np
 import pytest
 
 from deltaopt.codegen.vectorised import evaluate_rows
-from deltaopt.dynamics import Explicit, Kane, Mechanism, Multiplier, VirtualWork
-from deltaopt.dynamics.mechanism import Body, Effort
+from deltaopt.dynamics.kane import Kane
+from deltaopt.dynamics.lagrange import Explicit, Multiplier
+from deltaopt.dynamics.mechanism import Body, Effort, Mechanism
+from deltaopt.dynamics.virtual_work import VirtualWork
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot, load_robot

@@ -12,7 +12,9 @@ import pytest
 
 from deltaopt.codegen import compile as compiling
 from deltaopt.codegen.vectorised import evaluate_rows
-from deltaopt.dynamics import Explicit, Kane, Multiplier, VirtualWork
+from deltaopt.dynamics.kane import Kane
+from deltaopt.dynamics.lagrange import Explicit, Multiplier
+from deltaopt.dynamics.virtual_work import VirtualWork
 from deltaopt.errors import Singular, Unreachable
 from deltaopt.robot.guarded_functions import guarded_functions
 from deltaopt.robot.model import DeltaModel

@@ -13,16 +13,10 @@ from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.models import INVERSE
 from deltaopt.compare.dynamics.printed import PAPER
 from deltaopt.compare.dynamics.samples import rounded
-from deltaopt.dynamics import (
-    Explicit,
-    LeastNorm,
-    Multiplier,
-    NullSpace,
-    Partition,
-    RankRevealing,
-    VirtualWork,
-)
-from deltaopt.dynamics.linear import singular_directions
+from deltaopt.dynamics.constraint_matrix import NullSpace, Partition, RankRevealing
+from deltaopt.dynamics.lagrange import Explicit, Multiplier
+from deltaopt.dynamics.linear import LeastNorm, singular_directions
+from deltaopt.dynamics.virtual_work import VirtualWork
 from deltaopt.errors import Singular, Singularity
 from deltaopt.mechanisms.delta.mechanism import MOTOR_ANGLES, delta
 from deltaopt.robot.model import DeltaModel

@@ -14,15 +14,10 @@ import numpy as np
 import pytest
 from numpy import cos, sin
 
-from deltaopt.dynamics import (
-    ClosedForm,
-    Explicit,
-    Kane,
-    Multiplier,
-    NullSpace,
-    Partition,
-    VirtualWork,
-)
+from deltaopt.dynamics.constraint_matrix import ClosedForm, NullSpace, Partition
+from deltaopt.dynamics.kane import Kane
+from deltaopt.dynamics.lagrange import Explicit, Multiplier
+from deltaopt.dynamics.virtual_work import VirtualWork
 from studies.spherical_pendulum import spherical_pendulum
 from tests import paper_delta
 

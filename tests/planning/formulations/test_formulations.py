@@ -11,7 +11,7 @@ import pytest
 
 import deltaopt
 from deltaopt.compare.plans.measures import quality
-from deltaopt.dynamics import Multiplier
+from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import NotConverged
 from deltaopt.planning.formulations.choice import Redundant
 from deltaopt.planning.formulations.collocation import FAR
