@@ -7,7 +7,6 @@ p are the mechanism's parameters.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Protocol
 
 import casadi as ca
 
@@ -16,22 +15,23 @@ from deltaopt.dynamics.linear import solve
 from deltaopt.dynamics.mechanism import SX, Mechanism
 
 
-class Formulation(Protocol):
+class Formulation(ABC):
     """A way to write the equations of motion of a mechanism; a value, equal to its like."""
 
-    def __hash__(self) -> int: ...
-
+    @abstractmethod
     def residual(self, mechanism: Mechanism) -> ca.Function:
         """(t, q, q̇, q̈, τ, [λ,] p) -> zero where the motion obeys the dynamics."""
 
+    @abstractmethod
     def inverse_dynamics(self, mechanism: Mechanism) -> ca.Function:
         """(t, q, q̇, q̈, p) -> τ (m), λ (γ), for a motion that obeys the constraints."""
 
+    @abstractmethod
     def forward_dynamics(self, mechanism: Mechanism) -> ca.Function:
         """(t, q, q̇, τ, p) -> q̈ (n), λ (γ)."""
 
 
-class Projected(ABC):
+class Projected(Formulation):
     """Formulations free of constraint forces: ν equations, affine in q̈ and τ."""
 
     constraint_matrix: ConstraintMatrix

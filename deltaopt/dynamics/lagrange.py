@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 
 from deltaopt.dynamics.constraint_matrix import ClosedForm, ConstraintMatrix
-from deltaopt.dynamics.formulation import Projected, affine, state, symbols
+from deltaopt.dynamics.formulation import Formulation, Projected, affine, state, symbols
 from deltaopt.dynamics.linear import LinearSolver, solve
 from deltaopt.dynamics.mechanism import SX, Mechanism
 
@@ -29,7 +29,7 @@ class Explicit(Projected):
 
 
 @dataclass(frozen=True)
-class Multiplier:
+class Multiplier(Formulation):
     """Model L_I: one multiplier for each constraint, eq. (37).
 
     ``solver``: of its linear system; ``LeastNorm`` where constraints may be redundant.

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
-from deltaopt.dynamics.formulation import Projected
-from deltaopt.dynamics.lagrange import Multiplier
+from deltaopt.dynamics.formulation import Formulation
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.trajectory import Motion, Trajectory
@@ -60,7 +59,7 @@ def plan(
     tolerance: float = 1e-3,
     intervals: int = 16,
     transcription: PiecewiseAcceleration | None = None,
-    formulation: ProblemFormulation | Multiplier | Projected | None = None,
+    formulation: ProblemFormulation | Formulation | None = None,
     solver: Solver | None = None,
     starts: int = 1,
     seed: int = 1,
@@ -135,7 +134,7 @@ class Planner:
     tolerance: float = 1e-3
     intervals: int = 16
     transcription: PiecewiseAcceleration | None = None
-    formulation: ProblemFormulation | Multiplier | Projected | None = None
+    formulation: ProblemFormulation | Formulation | None = None
     resolved_below: float = RESOLVED_BELOW
     objective: Objective = field(default_factory=Time)
     solver: Solver | None = None
@@ -156,10 +155,9 @@ class Planner:
 
     def _check_types(self) -> None:
         """Raise TypeError for a setting that is no value of its kind, such as its name."""
-        forms = ProblemFormulation | Multiplier | Projected
         degree = "deltaopt.PiecewiseAcceleration(degree)"
         for name, kind, expected in (
-            ("formulation", forms, FORMULATIONS_EXPECTED),
+            ("formulation", ProblemFormulation | Formulation, FORMULATIONS_EXPECTED),
             ("solver", Solver, "deltaopt.interior_point or deltaopt.ipopt"),
             ("transcription", PiecewiseAcceleration, degree),
         ):

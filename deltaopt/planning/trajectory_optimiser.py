@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.dynamics.formulation import Projected
-from deltaopt.dynamics.lagrange import Multiplier
+from deltaopt.dynamics.formulation import Formulation
 from deltaopt.errors import ENDS_AN_ATTEMPT, DeltaOptError, Infeasible, NotConverged
 from deltaopt.limits.running_cost import Running
 from deltaopt.motion.limit_sensitivity import MeshMultipliers
@@ -89,7 +88,7 @@ class TrajectoryOptimiser:
     tolerance: float = 1e-3
     intervals: int = 16
     transcription: PiecewiseAcceleration | None = None
-    formulation: ProblemFormulation | Multiplier | Projected | None = None
+    formulation: ProblemFormulation | Formulation | None = None
     resolved_below: float = RESOLVED_BELOW
     solver: Solver | None = None
 
@@ -289,7 +288,7 @@ class TrajectoryOptimiser:
         """The formulation of the problem that a user means: one of the dynamics stands for the
         problem in all twelve coordinates."""
         asked = self.formulation or Flat()
-        return Redundant(asked) if isinstance(asked, Multiplier | Projected) else asked
+        return Redundant(asked) if isinstance(asked, Formulation) else asked
 
     @property
     def _solver(self) -> Solver:

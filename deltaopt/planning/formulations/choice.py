@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import ClassVar
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.dynamics.formulation import Projected
+from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import Unusable
 from deltaopt.limits.constraints import Constraints
@@ -105,7 +105,7 @@ class Redundant(ProblemFormulation):
         'multiplier, constraints at knots'
     """
 
-    formulation: Multiplier | Projected
+    formulation: Formulation
     closure: LoopClosure = field(default_factory=KnotConstraints)
 
     @property
