@@ -78,12 +78,8 @@ _ROUGH = 0.1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "scene",
-        type=Path,
-        metavar="FILE",
-        help="scene or robot file, such as problems/pick_and_place.yaml",
-    )
+    words = "scene or robot file, such as problems/pick_and_place.yaml"
+    parser.add_argument("scene", type=Path, metavar="FILE", help=words)
     words = (
         "plan the scene without each term of its robot in turn, rank the terms by what that "
         "does, and draw terms.png"

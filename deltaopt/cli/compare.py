@@ -23,15 +23,12 @@ SUFFIXES = (".yaml", ".yml")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("what", nargs="+", metavar="WHAT", help="dynamics, or scenes and five-bar")
-    parser.add_argument(
-        "-o", dest="directory", type=folder, metavar="DIR", help="default: out/compare_WHAT"
-    )
-    parser.add_argument(
-        "--states", type=one_or_more, default=100, help="random states (default 100)"
-    )
-    parser.add_argument(
-        "--rounds", type=one_or_more, default=200, help="timings of each (default 200)"
-    )
+    words = "default: out/compare_WHAT"
+    parser.add_argument("-o", dest="directory", type=folder, metavar="DIR", help=words)
+    words = "random states (default 100)"
+    parser.add_argument("--states", type=one_or_more, default=100, help=words)
+    words = "timings of each (default 200)"
+    parser.add_argument("--rounds", type=one_or_more, default=200, help=words)
 
 
 def run(arguments: argparse.Namespace) -> int:

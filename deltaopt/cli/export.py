@@ -84,14 +84,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     cam = targets.add_parser("cam", help="cams for TwinCAT and CODESYS, and their polynomials")
     _add_table(cam, Path("out/cam"), "DIR")
     _add_unit(cam)
-    cam.add_argument(
-        "--master-speed",
-        type=positive,
-        default=1.0,
-        metavar="UNITS/S",
-        help="of the master axis, its units per second (default: 1, so that its position is the "
-        "time in s)",
+    words = (
+        "of the master axis, its units per second (default: 1, so that its position is the "
+        "time in s)"
     )
+    cam.add_argument("--master-speed", type=positive, default=1.0, metavar="UNITS/S", help=words)
     cam.set_defaults(target=_cam, controller="cam")
     ros2 = targets.add_parser("ros2", help="trajectory_msgs/JointTrajectory")
     _add_table(ros2, Path("out/joint_trajectory.yaml"), "FILE.yaml|DIR")
@@ -103,9 +100,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="names of the three joints (default: motor1 motor2 motor3)",
     )
-    ros2.add_argument(
-        "--topic", default="/joint_trajectory", help="in a bag (default: %(default)s)"
-    )
+    words = "in a bag (default: %(default)s)"
+    ros2.add_argument("--topic", default="/joint_trajectory", help=words)
     ros2.set_defaults(target=_ros2)
 
     schema = targets.add_parser("schema", help="the JSON schema of plan.json")
@@ -116,13 +112,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_table(parser: argparse.ArgumentParser, output: Path, kind: str) -> None:
     """Add what all tables of a plan have."""
     parser.add_argument("plan", type=Path, metavar="PLAN", help="folder of a plan")
-    parser.add_argument(
-        "--cycle",
-        type=_rows,
-        default=Rows(),
-        metavar="TIME",
-        help='time between rows, such as 1ms; or "own-knots" (default)',
-    )
+    words = 'time between rows, such as 1ms; or "own-knots" (default)'
+    parser.add_argument("--cycle", type=_rows, default=Rows(), metavar="TIME", help=words)
     _add_speed(parser)
     add_output(parser, output, kind)
 
@@ -130,41 +121,27 @@ def _add_table(parser: argparse.ArgumentParser, output: Path, kind: str) -> None
 def _add_speed(parser: argparse.ArgumentParser) -> None:
     """Add how slow a plan is to be, and what to do about limits."""
     either = parser.add_mutually_exclusive_group()
-    either.add_argument(
-        "--keep-limits",
-        action="store_true",
-        help="slow a plan until no limit is exceeded, however much that takes (default: by a "
-        "thousandth at most, otherwise nothing is written)",
+    words = (
+        "slow a plan until no limit is exceeded, however much that takes (default: by a "
+        "thousandth at most, otherwise nothing is written)"
     )
-    either.add_argument(
-        "--anyway",
-        action="store_true",
-        help="write a plan although it is beyond a limit or not verified; the file's head says so",
-    )
-    parser.add_argument(
-        "--slower",
-        type=positive,
-        default=1.0,
-        metavar="FACTOR",
-        help="the plan's path so many times as slow, 3 for a first run (default: 1)",
-    )
+    either.add_argument("--keep-limits", action="store_true", help=words)
+    words = "write a plan although it is beyond a limit or not verified; the file's head says so"
+    either.add_argument("--anyway", action="store_true", help=words)
+    words = "the plan's path so many times as slow, 3 for a first run (default: 1)"
+    parser.add_argument("--slower", type=positive, default=1.0, metavar="FACTOR", help=words)
 
 
 def _add_controller(parser: argparse.ArgumentParser) -> None:
     """Add how a controller interpolates."""
-    parser.add_argument(
-        "--controller",
-        choices=("cubic", "quintic"),
-        default="quintic",
-        help="how the controller interpolates (default: %(default)s)",
-    )
+    words = "how the controller interpolates (default: %(default)s)"
+    parser.add_argument("--controller", choices=("cubic", "quintic"), default="quintic", help=words)
 
 
 def _add_unit(parser: argparse.ArgumentParser) -> None:
     """Add the unit of angles."""
-    parser.add_argument(
-        "--unit", choices=UNITS, default="rad", help="of angles (default: %(default)s)"
-    )
+    words = "of angles (default: %(default)s)"
+    parser.add_argument("--unit", choices=UNITS, default="rad", help=words)
 
 
 INTERPOLATIONS = {each.name: each for each in (CUBIC, QUINTIC, CAM)}

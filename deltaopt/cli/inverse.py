@@ -38,17 +38,11 @@ from deltaopt.scene.task import given_points
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "scene", type=Path, metavar="SCENE", help="scene file, such as problems/pick_and_place.yaml"
-    )
+    words = "scene file, such as problems/pick_and_place.yaml"
+    parser.add_argument("scene", type=Path, metavar="SCENE", help=words)
     add_output(parser)
-    parser.add_argument(
-        "--duration",
-        type=positive,
-        default=0.5,
-        metavar="S",
-        help="time from start to goal, s (default: 0.5; the paper does not say its own)",
-    )
+    words = "time from start to goal, s (default: 0.5; the paper does not say its own)"
+    parser.add_argument("--duration", type=positive, default=0.5, metavar="S", help=words)
 
 
 def run(arguments: argparse.Namespace) -> int:

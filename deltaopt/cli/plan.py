@@ -118,84 +118,47 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_json(parser, " (of several scenes one a line)")
     words = "print every measure, the duty of the motors, singularities and a lower bound too"
     add_flag(parser, "--details", words)
-    parser.add_argument(
-        "-v",
-        "--verbose",
-        action="count",
-        default=0,
-        help="print to stderr what is attempted and what comes of it; twice: and every iteration "
-        "of the solver",
+    words = (
+        "print to stderr what is attempted and what comes of it; twice: and every iteration "
+        "of the solver"
     )
+    parser.add_argument("-v", "--verbose", action="count", default=0, help=words)
     words = "no optimisation: the straight line by a quintic law, slowed until it keeps limits"
     add_flag(parser, "--baseline", words)
-    parser.add_argument(
-        "--tolerance",
-        type=optimality_gap,
-        metavar="GAP",
-        help="relative optimality gap: how much longer than the optimum the motion may take, or "
-        "how much more it may cost (default: 1e-3; at least 1e-9)",
+    words = (
+        "relative optimality gap: how much longer than the optimum the motion may take, or "
+        "how much more it may cost (default: 1e-3; at least 1e-9)"
     )
-    parser.add_argument(
-        "--starts",
-        type=one_or_more,
-        metavar="N",
-        help="first guesses: the usual one, then other ways and random ones; the best is kept",
-    )
-    parser.add_argument(
-        "--exhaustive",
-        type=positive,
-        metavar="SECONDS",
-        help="for how long other ways and random first guesses are looked at; the best is kept",
-    )
-    parser.add_argument(
-        "--seed", type=seed, metavar="N", help="of the random first guesses (default: 1)"
-    )
-    parser.add_argument(
-        "--sensitivity",
-        action="store_true",
-        default=None,
-        help="say how the duration depends on every number of scene and robot",
-    )
+    parser.add_argument("--tolerance", type=optimality_gap, metavar="GAP", help=words)
+    words = "first guesses: the usual one, then other ways and random ones; the best is kept"
+    parser.add_argument("--starts", type=one_or_more, metavar="N", help=words)
+    words = "for how long other ways and random first guesses are looked at; the best is kept"
+    parser.add_argument("--exhaustive", type=positive, metavar="SECONDS", help=words)
+    words = "of the random first guesses (default: 1)"
+    parser.add_argument("--seed", type=seed, metavar="N", help=words)
+    words = "say how the duration depends on every number of scene and robot"
+    parser.add_argument("--sensitivity", action="store_true", default=None, help=words)
     words = (
         "there and back with the payload both ways, without a pause, as fast as the motors' "
         "rated torques allow for ever"
     )
     add_flag(parser, "--rated", words)
-    parser.add_argument(
-        "--rate",
-        type=positive,
-        default=RATE,
-        metavar="HZ",
-        help=f"instants per second in trajectory.csv (default: {RATE:g})",
-    )
+    words = f"instants per second in trajectory.csv (default: {RATE:g})"
+    parser.add_argument("--rate", type=positive, default=RATE, metavar="HZ", help=words)
     research = parser.add_argument_group("research", "how a free motion is posed and solved")
-    research.add_argument(
-        "--intervals",
-        type=first_intervals,
-        metavar="N",
-        help=f"intervals of the first mesh (default: {Planner.intervals})",
+    words = f"intervals of the first mesh (default: {Planner.intervals})"
+    research.add_argument("--intervals", type=first_intervals, metavar="N", help=words)
+    words = "coordinates and dynamics of the optimisation (default: flat)"
+    research.add_argument("--formulation", choices=FORMULATIONS, help=words)
+    words = (
+        "interior-point: deltaopt's own, in compiled C, for the flat formulation; ipopt: for "
+        "all (default: the first that the formulation has)"
     )
-    research.add_argument(
-        "--formulation",
-        choices=FORMULATIONS,
-        help="coordinates and dynamics of the optimisation (default: flat)",
-    )
-    research.add_argument(
-        "--solver",
-        choices=SOLVERS,
-        help="interior-point: deltaopt's own, in compiled C, for the flat formulation; ipopt: for "
-        "all (default: the first that the formulation has)",
-    )
-    research.add_argument(
-        "--closure",
-        choices=CLOSURES,
-        help="how explicit and multiplier keep the loops closed (default: knots)",
-    )
-    research.add_argument(
-        "--transcription",
-        choices=TRANSCRIPTIONS,
-        help="acceleration in each interval (default: linear; quadratic where effort counts)",
-    )
+    research.add_argument("--solver", choices=SOLVERS, help=words)
+    words = "how explicit and multiplier keep the loops closed (default: knots)"
+    research.add_argument("--closure", choices=CLOSURES, help=words)
+    words = "acceleration in each interval (default: linear; quadratic where effort counts)"
+    research.add_argument("--transcription", choices=TRANSCRIPTIONS, help=words)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -54,34 +54,25 @@ class NotMeasured(DeltaOptError):
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "motion", type=Path, metavar="PLAN|TABLE.csv", help="folder of a plan, or a table"
-    )
-    parser.add_argument(
-        "--scene",
-        type=Path,
-        metavar="SCENE",
-        help="hold a plan against this scene file (default: the scene in plan.json)",
-    )
+    words = "folder of a plan, or a table"
+    parser.add_argument("motion", type=Path, metavar="PLAN|TABLE.csv", help=words)
+    words = "hold a plan against this scene file (default: the scene in plan.json)"
+    parser.add_argument("--scene", type=Path, metavar="SCENE", help=words)
     parser.add_argument("--robot", type=Path, metavar="ROBOT", help="robot file of a table")
-    parser.add_argument(
-        "--payload", type=kilograms, metavar="KG", help="of a table (default: none)"
-    )
+    words = "of a table (default: none)"
+    parser.add_argument("--payload", type=kilograms, metavar="KG", help=words)
     parser.add_argument("--unit", choices=UNITS, help="of angles in a table (default: rad)")
-    parser.add_argument(
-        "--controller",
-        choices=("cubic", "quintic"),
-        help="how the controller interpolates a table: cubic from its rates, quintic from its "
-        "accelerations too (default: from all that it has)",
+    words = (
+        "how the controller interpolates a table: cubic from its rates, quintic from its "
+        "accelerations too (default: from all that it has)"
     )
+    parser.add_argument("--controller", choices=("cubic", "quintic"), help=words)
     add_json(parser)
-    parser.add_argument(
-        "--with",
-        dest="other",
-        choices=("mujoco",),
-        help="replay a plan's torques in another program too, which needs the extra mujoco: "
-        "pip install -e '.[mujoco]' in the clone",
+    words = (
+        "replay a plan's torques in another program too, which needs the extra mujoco: "
+        "pip install -e '.[mujoco]' in the clone"
     )
+    parser.add_argument("--with", dest="other", choices=("mujoco",), help=words)
     words = "a table's angles have the zero and sign of the robot's controller"
     add_flag(parser, "--controller-angles", words)
 

@@ -23,13 +23,8 @@ _FRAME = 1 / 30
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("plan", type=Path, metavar="PLAN", help="folder of a plan")
-    parser.add_argument(
-        "--port",
-        type=one_or_more,
-        default=8080,
-        metavar="N",
-        help="of the server; the next free one if it is taken (default: %(default)s)",
-    )
+    words = "of the server; the next free one if it is taken (default: %(default)s)"
+    parser.add_argument("--port", type=one_or_more, default=8080, metavar="N", help=words)
 
 
 def run(arguments: argparse.Namespace) -> int:
