@@ -17,12 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from deltaopt.cli.arguments import (
-    WrongUsage,
-    add_output,
-    output_directory,
-    positive,
-)
+from deltaopt.cli.arguments import WrongUsage, add_output, output_directory, positive
 from deltaopt.cli.check import bounds_in_words
 from deltaopt.cli.streams import new_files
 from deltaopt.motion.limit_curves import limit_curves

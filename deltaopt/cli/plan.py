@@ -55,12 +55,7 @@ from deltaopt.errors import DeltaOptError, SceneError
 from deltaopt.files.output_folder import require_writable
 from deltaopt.files.yaml_file import place_of
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.cycle_files import (
-    content_of_cycle,
-    details_of_cycle,
-    told_of_cycle,
-    verified,
-)
+from deltaopt.output.cycle_files import content_of_cycle, details_of_cycle, told_of_cycle, verified
 from deltaopt.output.facts import facts
 from deltaopt.output.in_words import details, surprises, told, verdict
 from deltaopt.output.plan_files import MOST_ROWS, RATE, highest_rate, summary

@@ -32,12 +32,7 @@ from deltaopt.output.foreign_table import ANGLES, ForeignTable, UnreadableTable,
 from deltaopt.output.in_words import duty_table, singularities_table, table
 from deltaopt.output.mujoco_replay import MujocoReplay, replay_in_mujoco
 from deltaopt.output.plan_files import RECORD, TABLE
-from deltaopt.output.saved_plan import (
-    SavedPlan,
-    load_plan,
-    record_differences,
-    table_difference,
-)
+from deltaopt.output.saved_plan import SavedPlan, load_plan, record_differences, table_difference
 from deltaopt.output.table_files import UNITS
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import delta_model

@@ -17,14 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import Array, Index, Truths
-from deltaopt.limits.limit import (
-    SX,
-    Bounds,
-    ConvexLimit,
-    Instant,
-    Limit,
-    PhasedLimit,
-)
+from deltaopt.limits.limit import SX, Bounds, ConvexLimit, Instant, Limit, PhasedLimit
 from deltaopt.limits.running_cost import Running
 from deltaopt.mechanisms.instant import AnyInstant
 

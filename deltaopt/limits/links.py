@@ -13,21 +13,8 @@ from math import cos, inf, sin
 
 import casadi as ca
 
-from deltaopt.limits.keep_out import (
-    FAR,
-    OF_LIMIT,
-    PLACES,
-    Distances,
-    kept_from,
-)
-from deltaopt.limits.limit import (
-    SX,
-    Described,
-    Instant,
-    KeptLink,
-    Numbers,
-    OwnMeasure,
-)
+from deltaopt.limits.keep_out import FAR, OF_LIMIT, PLACES, Distances, kept_from
+from deltaopt.limits.limit import SX, Described, Instant, KeptLink, Numbers, OwnMeasure
 from deltaopt.limits.solid_distance import (
     OF_SOLID,
     distance_from_solid,

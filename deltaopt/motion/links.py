@@ -30,13 +30,7 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.solids import Solid
 from deltaopt.scene.bodies import solids_about
-from deltaopt.scene.links import (
-    LINKS,
-    LinkGeometry,
-    each_link,
-    kept_from_bodies,
-    nearest,
-)
+from deltaopt.scene.links import LINKS, LinkGeometry, each_link, kept_from_bodies, nearest
 from deltaopt.scene.scene import Scene
 
 _FIRST = 4

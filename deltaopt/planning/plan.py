@@ -13,11 +13,7 @@ from typing import Any
 from deltaopt.files.validated_record import Vector3
 from deltaopt.later import loaded
 from deltaopt.motion.certificate import Certificate
-from deltaopt.motion.limit_sensitivity import (
-    LimitSensitivity,
-    Multipliers,
-    limit_sensitivities,
-)
+from deltaopt.motion.limit_sensitivity import LimitSensitivity, Multipliers, limit_sensitivities
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.running_cost import cost as cost_of
 from deltaopt.motion.trajectory import Trajectory, end_of, moving_on, phase_durations

@@ -36,11 +36,7 @@ from deltaopt.planning.attempts import (
 )
 from deltaopt.planning.belt_places import PlacesOnBelt, TooLate
 from deltaopt.planning.effort_planning import require_possible
-from deltaopt.planning.first_motions.around_bodies import (
-    CLEAR,
-    is_clear,
-    name_of_way,
-)
+from deltaopt.planning.first_motions.around_bodies import CLEAR, is_clear, name_of_way
 from deltaopt.planning.first_motions.bands import without_bodies
 from deltaopt.planning.first_motions.initial_motion import Proposal
 from deltaopt.planning.first_motions.moving_ends import first_moving_motions

@@ -21,14 +21,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from deltaopt.errors import SceneError
-from deltaopt.files.units import (
-    EFFICIENCY,
-    MOTOR_SPEED,
-    MOTOR_TORQUE,
-    RATIO,
-    ROTOR_INERTIA,
-    TORQUE,
-)
+from deltaopt.files.units import EFFICIENCY, MOTOR_SPEED, MOTOR_TORQUE, RATIO, ROTOR_INERTIA, TORQUE
 from deltaopt.files.validated_record import NonNegative, Positive, Record, optional
 
 Curve = tuple[tuple[float, float], ...]

@@ -26,16 +26,7 @@ from deltaopt.errors import SceneError, in_words
 from deltaopt.files.units import RATIO
 from deltaopt.files.validated_record import Record, Triple, Vector3, optional, vector3
 from deltaopt.robot.solids import ALONG_THE_BASE, MOST_TRIANGLES, Axes, Convex, Polytope, Solid
-from deltaopt.robot.tool import (
-    POINT,
-    Along,
-    Box,
-    Capsule,
-    OneOf,
-    Point,
-    Sphere,
-    Tool,
-)
+from deltaopt.robot.tool import POINT, Along, Box, Capsule, OneOf, Point, Sphere, Tool
 from deltaopt.scene.convex_hull import NoHull, convex_hull
 
 EXPECTED_BODIES = (

@@ -33,11 +33,7 @@ from deltaopt.limits.platform_motion import (
     SPECIFIC_FORCE,
 )
 from deltaopt.limits.scene_limits import SceneLimits
-from deltaopt.limits.singularities import (
-    PARALLEL_SINGULARITY,
-    TILT_SINGULARITY,
-    SerialSingularity,
-)
+from deltaopt.limits.singularities import PARALLEL_SINGULARITY, TILT_SINGULARITY, SerialSingularity
 from deltaopt.limits.tube import MOST_PARTS, Tube, parts_of
 from deltaopt.limits.workspace import WORKSPACE_DEPTH, WORKSPACE_RADIUS, ApproachLimit
 from deltaopt.robot.machine import Machine

@@ -14,13 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deltaopt.curves.bernstein import (
-    control_points_of,
-    halves,
-    largest_norm,
-    parts_of,
-    raised,
-)
+from deltaopt.curves.bernstein import control_points_of, halves, largest_norm, parts_of, raised
 from deltaopt.curves.halving import surely_largest
 from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, Truths
 from deltaopt.scene.path import Path

@@ -16,12 +16,7 @@ import numpy as np
 
 from deltaopt.compare.dynamics.printed import PAPER, as_printed
 from deltaopt.curves.piecewise import Array
-from deltaopt.dynamics.constraint_matrix import (
-    ClosedForm,
-    ConstraintMatrix,
-    NullSpace,
-    Partition,
-)
+from deltaopt.dynamics.constraint_matrix import ClosedForm, ConstraintMatrix, NullSpace, Partition
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.kane import Kane
 from deltaopt.dynamics.lagrange import Explicit, Multiplier

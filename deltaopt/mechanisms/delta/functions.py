@@ -19,11 +19,7 @@ from deltaopt.mechanisms.delta.kinematics import (
     tilts,
 )
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms, delta
-from deltaopt.mechanisms.delta.singularities import (
-    DISTANCES,
-    parallel_margin,
-    tilt_margin,
-)
+from deltaopt.mechanisms.delta.singularities import DISTANCES, parallel_margin, tilt_margin
 from deltaopt.mechanisms.delta.slender_bars import angle_free_equations, chain_forces
 from deltaopt.mechanisms.functions import Functions, SingularityDistance
 

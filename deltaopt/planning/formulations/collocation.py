@@ -237,13 +237,7 @@ class CollocationProblem:
         fewer = limits.order == 1 and self.equations.at_nodes
         return self.transcription.velocity_points if fewer else self.variables.points
 
-    def _points(
-        self,
-        function: PointFunction,
-        c: Array,
-        *,
-        algebraic: bool = False,
-    ) -> Points:
+    def _points(self, function: PointFunction, c: Array, *, algebraic: bool = False) -> Points:
         """Rows that must vanish at fractions c of every interval."""
         zero = np.zeros(function.function.size1_out(0))
         layout = self.variables.at(c, algebraic=algebraic)

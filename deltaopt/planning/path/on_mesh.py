@@ -17,13 +17,7 @@ import numpy as np
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.piecewise import Array
 from deltaopt.limits.scene_limits import SceneLimits
-from deltaopt.planning.path.path_mesh import (
-    LONGEST,
-    SERIES,
-    STOPPING,
-    MeshMotion,
-    PathMesh,
-)
+from deltaopt.planning.path.path_mesh import LONGEST, SERIES, STOPPING, MeshMotion, PathMesh
 from deltaopt.planning.path.path_rows import RESTING, AffineRows, PathRows, State, kept_rows
 from deltaopt.planning.path.sweep import FASTEST, Speeds, Unattainable, compiled, swept
 
