@@ -29,8 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", type=Path, metavar="DESIGN", help="a design file")
     add_output(parser)
     add_json(parser)
-    words = "optimise without those of plans"
-    add_flag(parser, "--no-derivatives", words)
+    add_flag(parser, "--no-derivatives", "optimise without those of plans")
     words = f"relative optimality gap of plans (default: {TOLERANCE:g})"
     parser.add_argument(
         "--tolerance", type=optimality_gap, metavar="GAP", default=TOLERANCE, help=words

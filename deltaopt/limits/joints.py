@@ -20,7 +20,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from operator import attrgetter
 from typing import Annotated, Any
 
 import casadi as ca
@@ -114,7 +113,7 @@ class WithLeastPayload(Limit):
         return self.limit.rows(LighterInstant(motion, numbers[0]), numbers[1:])
 
 
-ARM_RANGE = Range("arm angle", "rad", "motor", attrgetter("theta"), "joints.arm")
+ARM_RANGE = Range("arm angle", "rad", "motor", "theta", "joints.arm")
 """Least and largest angle of each arm."""
 
 

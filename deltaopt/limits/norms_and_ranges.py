@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -18,14 +18,14 @@ from deltaopt.robot.machine import Machine
 class Norm(Limit):
     """The Euclidean norm of a vector of the motion is at most the first of its numbers.
 
-    ``vector``: of the motion and all numbers. ``out_of_reach``: as of `Bounds`.
+    ``quantity``: the vector, an attribute of motions. ``out_of_reach``: as of `Bounds`.
     """
 
     name: str
     unit: str
     subject: str
     order: int
-    vector: Callable[[Instant, SX], SX]
+    quantity: str
     powers: tuple[int, ...] | None = None
     key: Key | None = None
     robot_key: str | None = None
@@ -33,6 +33,11 @@ class Norm(Limit):
 
     def bounds(self, numbers: SX) -> Bounds:
         return Bounds.at_most(numbers[0], out_of_reach=self.out_of_reach)
+
+    def vector(self, motion: Instant, numbers: SX) -> SX:
+        """What the norm is of."""
+        vector: SX = getattr(motion, self.quantity)
+        return vector
 
     def measure(self, motion: Instant, numbers: SX) -> SX:
         return ca.norm_2(self.vector(motion, numbers))
@@ -43,12 +48,13 @@ class Norm(Limit):
 
 @dataclass(frozen=True)
 class Range(Limit):
-    """A quantity of the position is between two numbers of the robot's file."""
+    """A quantity of the position, an attribute of motions, is between two numbers of the robot's
+    file."""
 
     name: str
     unit: str
     subject: str
-    quantity: Callable[[Instant], SX]
+    quantity: str
     robot_key: str
     order = 0
 
@@ -56,7 +62,8 @@ class Range(Limit):
         return Bounds.between(numbers[0], numbers[1])
 
     def measure(self, motion: Instant, numbers: SX) -> SX:
-        return self.quantity(motion)
+        measure: SX = getattr(motion, self.quantity)
+        return measure
 
 
 @dataclass(frozen=True)

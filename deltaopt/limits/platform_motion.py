@@ -21,23 +21,10 @@ from deltaopt.limits.limit import SX, Described, Instant, Key, Numbers
 from deltaopt.limits.norms_and_ranges import Norm
 
 
-def _velocity(motion: Instant, numbers: SX) -> SX:
-    return motion.v
-
-
-def _acceleration(motion: Instant, numbers: SX) -> SX:
-    return motion.a
-
-
-def _jerk(motion: Instant, numbers: SX) -> SX:
-    return motion.j
-
-
-def _felt(motion: Instant, numbers: SX) -> SX:
-    return motion.a - numbers[1:]
-
-
 class _SpecificForce(Norm):
+    def vector(self, motion: Instant, numbers: SX) -> SX:
+        return super().vector(motion, numbers) - numbers[1:]
+
     def items(self, scene: Described) -> Sequence[Numbers]:
         """f_max, and the acceleration of gravity in the base frame, 3, all in m/s²."""
         gravity = scene.robot.gravity_vector
@@ -54,10 +41,10 @@ _SPEED = Key("platform_speed", Annotated[Positive, SPEED], "a speed in m/s, grea
 _ACCELERATION = Key(
     "acceleration", Annotated[Positive, ACCELERATION], "an acceleration in m/s², greater than 0"
 )
-PLATFORM_SPEED = Norm("platform speed", "m/s", "platform", 1, _velocity, (2,), _SPEED)
+PLATFORM_SPEED = Norm("platform speed", "m/s", "platform", 1, "v", (2,), _SPEED)
 """Largest speed of the platform in any direction."""
 PLATFORM_ACCELERATION = Norm(
-    "acceleration", "m/s²", "platform", 2, _acceleration, (4,), _ACCELERATION, out_of_reach=False
+    "acceleration", "m/s²", "platform", 2, "a", (4,), _ACCELERATION, out_of_reach=False
 )
 """Largest acceleration of the platform in any direction."""
 _SPECIFIC_FORCE = Key(
@@ -66,9 +53,9 @@ _SPECIFIC_FORCE = Key(
     "a specific force in m/s², greater than 0",
 )
 SPECIFIC_FORCE = _SpecificForce(
-    "specific force", "m/s²", "payload", 2, _felt, (2, 4), _SPECIFIC_FORCE
+    "specific force", "m/s²", "payload", 2, "a", (2, 4), _SPECIFIC_FORCE
 )
 """Largest force on the payload over its mass, in any direction."""
 _JERK = Key("jerk", Annotated[Positive, JERK], "a jerk in m/s³, greater than 0")
-PLATFORM_JERK = Norm("jerk", "m/s³", "platform", 3, _jerk, (6,), _JERK, out_of_reach=False)
+PLATFORM_JERK = Norm("jerk", "m/s³", "platform", 3, "j", (6,), _JERK, out_of_reach=False)
 """Largest jerk of the platform in any direction."""

@@ -34,19 +34,19 @@ _FAR_ABOVE = -0.5
 """The least value of the row of heights: lower ones would look like a lower bound that is met."""
 
 
-def _depth(motion: Instant) -> SX:
-    return motion.x[0]
+class _Depth(Range):
+    def measure(self, motion: Instant, numbers: SX) -> SX:
+        return super().measure(motion, numbers)[0]
 
 
-def _from_axis(motion: Instant, numbers: SX) -> SX:
-    return motion.x[1:]
+class _FromAxis(Norm):
+    def vector(self, motion: Instant, numbers: SX) -> SX:
+        return super().vector(motion, numbers)[1:]
 
 
-WORKSPACE_DEPTH = Range("workspace depth", "m", "tool", _depth, "workspace.depth")
+WORKSPACE_DEPTH = _Depth("workspace depth", "m", "tool", "x", "workspace.depth")
 """Least and largest depth of the tool's point below the base."""
-WORKSPACE_RADIUS = Norm(
-    "workspace radius", "m", "tool", 0, _from_axis, robot_key="workspace.radius"
-)
+WORKSPACE_RADIUS = _FromAxis("workspace radius", "m", "tool", 0, "x", robot_key="workspace.radius")
 """Largest distance of the tool's point from the base's axis."""
 
 
