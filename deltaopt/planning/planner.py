@@ -91,13 +91,10 @@ def plan(
     require_type("scene", scene, Scene, "a Scene, such as load_scene returns")
     planner = Planner(
         scene.robot,
-        scene.payload,
-        scene.limits,
-        tolerance,
-        intervals,
-        transcription,
-        formulation,
-        objective=scene.objective,
+        tolerance=tolerance,
+        intervals=intervals,
+        transcription=transcription,
+        formulation=formulation,
         solver=solver,
     )
     return planner.plan_scene(
