@@ -103,8 +103,7 @@ class Constraints:
         """The limit and the subject of a row: ("torque", "motor 2")."""
         item, own = self.item_of(row)
         limit, rows = self.limits[item], self.slices[item]
-        which = f" {own + 1}" if rows.stop - rows.start > 1 else ""
-        return limit.name, f"{limit.subject}{which}"
+        return limit.name, limit.subjects(rows.stop - rows.start)[own]
 
     @cached_property
     def slices(self) -> tuple[slice, ...]:

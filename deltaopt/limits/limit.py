@@ -205,6 +205,12 @@ class Limit:
     def __hash__(self) -> int:
         return hash(type(self))
 
+    def subjects(self, number: int) -> list[str]:
+        """What each of so many quantities is of: "motor 1" and so on, "tool" of a single one."""
+        if number == 1:
+            return [self.subject]
+        return [f"{self.subject} {k}" for k in range(1, number + 1)]
+
     def items(self, scene: Described) -> Sequence[Numbers]:
         """The numbers of each of its items in a scene, none where the limit does not exist.
 

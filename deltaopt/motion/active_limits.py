@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deltaopt.curves.piecewise import Array, Index
-from deltaopt.motion.limit_curves import LimitCurves, limit_curves
+from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.problem import Problem
 
@@ -82,7 +82,8 @@ def share_curves(problem: Problem, trajectory: Trajectory, fractions: Array) -> 
     """
     found: dict[tuple[str, str], Array] = {}
     for curves in limit_curves(problem, trajectory, fractions):
-        for subject, values in _each(curves):
+        subjects = curves.limit.subjects(curves.values.shape[1])
+        for subject, values in zip(subjects, curves.shares.T, strict=True):
             name = (curves.limit.name, subject)
             before = found.get(name, np.zeros(len(values)))
             found[name] = np.where(np.abs(values) > np.abs(before), values, before)
@@ -131,13 +132,6 @@ def _rotation(problem: Problem, trajectory: Trajectory) -> Iterator[ActiveLimit]
     if problem.is_least_duration(trajectory.duration):
         whole = Span(float(trajectory.knots[0]), float(trajectory.knots[-1]), upper=True)
         yield ActiveLimit("rotation", "fourth axis", (whole,), 1.0, problem.least_duration)
-
-
-def _each(curves: LimitCurves) -> Iterator[tuple[str, Array]]:
-    """The subject and the signed shares of every item of a limit."""
-    several = curves.values.shape[1] > 1
-    for k, shares in enumerate(curves.shares.T):
-        yield f"{curves.limit.subject} {k + 1}" if several else curves.limit.subject, shares
 
 
 def _spans(at: Array, begins: Array, ends: Array) -> Iterator[Span]:

@@ -347,8 +347,7 @@ def _sides(
         mirrored = _mirrored(bounds)
         for bound, falls_below in ((bounds.upper, False), (bounds.lower, not mirrored)):
             if bound is not None:
-                for row, scale in enumerate(scales.tolist(), 1):
-                    subject = f"{limit.subject} {row}" if rows > 1 else limit.subject
+                for subject, scale in zip(limit.subjects(rows), scales.tolist(), strict=True):
                     unit = robot.unit(limit.unit)
                     yield Excess(limit.name, unit, subject, falls_below=falls_below), scale
 
