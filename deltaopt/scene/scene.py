@@ -211,9 +211,7 @@ class Scene(Record):
     @cached_property
     def moves_at_ends(self) -> bool:
         """Whether an end moves or is anywhere; the ends of a given path are points."""
-        start, goal = self.ends
-        at_rest = goal.is_given and goal.velocity == REST
-        return not (at_rest and start.velocity == REST)
+        return BetweenEnds(*self.ends).moves_at_ends
 
     def __repr__(self) -> str:
         ends = f"from {self.start} to {self.goal} m"
