@@ -24,7 +24,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from math import isfinite
 from pathlib import Path
 
 import casadi as ca
@@ -44,7 +43,7 @@ from deltaopt.errors import (
     in_words,
 )
 from deltaopt.files.progress_bar import ProgressBar
-from deltaopt.files.tables import text_table
+from deltaopt.files.tables import finite, text_table
 from deltaopt.files.validated_record import PerMotor, per_motor
 from deltaopt.files.yaml_file import read_yaml
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters
@@ -187,8 +186,8 @@ def _as_dict(file: Path, scene: Scene, verdict: str) -> dict[str, object]:
                 "limit": limit.name,
                 "subject": limit.subject,
                 "unit": limit.unit,
-                "lower": [value if isfinite(value) else None for value in lower[own].tolist()],
-                "upper": [value if isfinite(value) else None for value in upper[own].tolist()],
+                "lower": list(map(finite, lower[own].tolist())),
+                "upper": list(map(finite, upper[own].tolist())),
                 "order": limit.order,
                 "promised": limit.promised,
             }
