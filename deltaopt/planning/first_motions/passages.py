@@ -221,14 +221,16 @@ class _StraightLines:
         distance = distance.reshape(len(ends), len(_BETWEEN), distance.shape[1])
         slope = slope.reshape(*distance.shape, 3)
         rate = np.einsum("nsrc,nc->nsr", slope, way)
-        known = np.linalg.norm(slope, axis=3) > _KNOWN  # on a surface the slope may be told as 0
+        known = np.einsum("nsrc,nsrc->nsr", slope, slope) > _KNOWN**2  # on a surface it may be 0
         most = np.linalg.norm(way, axis=1)[:, None, None]
         least = _least(distance, np.where(known, rate, -most), np.where(known, rate, most))
-        held = self._can_be_held(flat).reshape(len(ends), len(_BETWEEN)).all(axis=1)
         touched = least < self._kept + _TOUCHED
         by_ends = (touched <= self._touched_by_ends[:, None]).all(axis=2).any(axis=0)
         leads_between = (touched.sum(axis=1) > 1) & ~by_ends
-        return np.asarray(held & (least >= self._kept - _ROUNDING).all(axis=1) & ~leads_between)
+        clear = np.asarray((least >= self._kept - _ROUNDING).all(axis=1) & ~leads_between)
+        held = self._can_be_held(x[clear].reshape(-1, 3))  # takes longer than distances
+        clear[clear] = held.reshape(-1, len(_BETWEEN)).all(axis=1)
+        return clear
 
     def _can_be_held(self, places: Array) -> Truths:
         return np.asarray(room_at_rest(self.without, places) > 0)
