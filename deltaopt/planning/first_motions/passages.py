@@ -14,13 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import combinations, islice, pairwise, product
 from math import dist, hypot, inf, tau
 
 import numpy as np
 
 from deltaopt.curves.piecewise import Array, Truths
+from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.planning.first_motions.bands import without_bodies
 from deltaopt.planning.first_motions.roadmap import path_over_grid, spacing
@@ -89,7 +90,7 @@ def shortest_paths(scene: Scene) -> Iterator[Array]:
     path = next(paths_of_lines(scene), None)
     if path is not None:
         yield path
-        yield from islice(_over_places(scene, path[1:-1]), 1)
+        yield from islice(_over_places(scene, tuple(map(vector3, path[1:-1]))), 1)
 
 
 def paths_of_lines(scene: Scene) -> Iterator[Array]:
@@ -97,34 +98,40 @@ def paths_of_lines(scene: Scene) -> Iterator[Array]:
     as there is one; over all that the robot reaches if there is none between start and goal or not
     far beyond."""
     found = False
-    for path in _over_places(scene, np.empty((0, 3))):
+    for path in _over_places(scene, ()):
         found = True
         yield path
-    far = None if found else _far_around(_StraightLines(scene, _SPARE))
+    far = None if found else _far_around(scene)
     if far is not None:
         yield far
 
 
-def _over_places(scene: Scene, known: Array) -> Iterator[Array]:
+def _over_places(scene: Scene, known: tuple[Vector3, ...]) -> Iterator[Array]:
     """Shortest paths of clear lines over places about start and goal, (n, 3) each, m, over one set
-    of places after the other, all of them without what is near ``known`` places, (n, 3), m."""
+    of places after the other, all of them without what is near ``known`` places, m."""
+    found = (_over_set(scene, number, known) for number in range(len(_TRIED)))
+    return (path for path in found if path is not None)
+
+
+@lru_cache(maxsize=64)
+def _over_set(scene: Scene, number: int, known: tuple[Vector3, ...]) -> Array | None:
+    """The path over one set of places. What is asked for again, as where all ways along such paths
+    have failed, is not looked for again."""
+    grid, between, spare, searches = _TRIED[number]
     ends = np.array(given_points(scene.task))
-    least = _ANOTHER * dist(*ends)
-    for grid, between, spare, searches in _TRIED:
-        places = _places(scene, ends, grid, between=between)
-        apart = np.linalg.norm(places[:, None] - known, axis=2)
-        places = places[(apart > least).all(axis=1)]
-        path = _path(_StraightLines(scene, spare), ends, places, searches)
-        if path is not None:
-            yield path
+    places = _places(scene, ends, grid, between=between)
+    apart = np.linalg.norm(places[:, None] - np.reshape(known, (-1, 3)), axis=2)
+    places = places[(apart > _ANOTHER * dist(*ends)).all(axis=1)]
+    return _path(_StraightLines(scene, spare), ends, places, searches)
 
 
-def _far_around(lines: _StraightLines) -> Array | None:
+@lru_cache(maxsize=16)
+def _far_around(scene: Scene) -> Array | None:
     """A path over a grid of all that the robot reaches, cut short; None if there is none of clear
     lines."""
-
+    lines = _StraightLines(scene, _SPARE)
     for steps, share in product(_STEPS, _FARTHER):
-        apart = spacing(lines.scene, steps)
+        apart = spacing(scene, steps)
         path = path_over_grid(lines.without, steps, replace(lines, spare=share * apart).room)
         if path is not None and lines.lead_along(path):
             return lines.cut_short(path)
