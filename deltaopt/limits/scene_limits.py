@@ -125,6 +125,10 @@ class SceneLimits:
         found = limit.opened(self.numbers[own], inner, faces)
         return None if found is None else self.with_part(part, found)
 
+    def part_of(self, row: int) -> slice:
+        """Where the numbers of the body of one of these rows are."""
+        return self._convex_rows[row][-1]
+
     @cached_property
     def _convex_rows(self) -> list[tuple[ConvexLimit, slice, int, slice]]:
         """Of each of these rows its limit, the place of all its numbers, which of its rows it is,

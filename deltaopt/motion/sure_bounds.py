@@ -88,18 +88,7 @@ class _Pieces:
 def signed_distances(problem: Problem, x: Array) -> tuple[Array, Array]:
     """Measures of the rows of ``Constraints.convex`` at places (N, 3), m, (N, rows), and their
     derivatives by the place, (N, rows, 3)."""
-    return _tangents(problem, x, problem.limits.numbers)
-
-
-def distances_from_faces(problem: Problem, x: Array, row: int) -> Array:
-    """Distances of places (N, 3), m, from the faces of the body of one of the rows of
-    ``Constraints.convex``, (N, faces), m."""
-    each = [_tangents(problem, x, numbers)[0][:, row] for numbers in problem.limits.faces[row]]
-    return np.stack(each, axis=1)
-
-
-def _tangents(problem: Problem, x: Array, numbers: Array) -> tuple[Array, Array]:
-    """``signed_distances`` with these numbers of the limits."""
+    numbers = problem.limits.numbers
     found = [
         function(x, parameters=numbers[own])
         for own, function in _functions(problem.limits.constraints)
@@ -108,6 +97,19 @@ def _tangents(problem: Problem, x: Array, numbers: Array) -> tuple[Array, Array]
     whole = found[0] if len(found) == 1 else map(np.hstack, zip(none, *found, strict=True))
     measures, slopes = whole
     return measures, slopes.reshape(*measures.shape, 3)
+
+
+def distances_from_faces(problem: Problem, x: Array, row: int) -> Array:
+    """Distances of places (N, 3), m, from the faces of the body of one of the rows of
+    ``Constraints.convex``, (N, faces), m."""
+    limits = problem.limits
+    part = limits.part_of(row)
+    faces = np.array([numbers[part] for numbers in limits.faces[row]])
+    functions = _functions(limits.constraints)
+    alike = next(each for own, each in functions if part.start in range(own.start, own.stop))
+    numbers = np.resize(faces, (-(-len(faces) // alike.times), alike.times * faces.shape[1]))
+    found = [alike(x, parameters=several)[0] for several in numbers]  # as if of several bodies
+    return np.hstack(found)[:, : len(faces)]
 
 
 @lru_cache(maxsize=32)
