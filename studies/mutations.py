@@ -87,7 +87,7 @@ CHANGES: dict[str, Change] = {
     "untightened": lambda _: lambda last, *_: replace(last.scaling, share=1.0),
     "one start": lambda _: lambda self, scene, usual, search: usual(scene),
     "followed": _always({"amplification": 1.0, "arrival_distance": 0.0, "arrival_speed": 0.0}),
-    "links as they come": lambda _: lambda scene, planned, *_: (planned(scene), 0.0),
+    "links as they come": lambda _: lambda scene, planned, *_: planned(scene),
 }
 """What a function or property is replaced by: what it returns then, in words."""
 

@@ -117,10 +117,10 @@ class Run(Loop):
         """The plan of a scene by its limits, with arms and forearms clear of bodies if asked."""
         if not (scene.robot_keeps_clear and scene.keep_out):
             return planned(scene)
-        found, lost = keeping_links_clear(
-            scene, planned, self.optimiser.tolerance, self.journal.note
+        found = keeping_links_clear(
+            scene, planned, self.improved, self.optimiser.tolerance, self.journal.note
         )
-        return replace(found, scene=scene, gap=found.gap + lost)
+        return replace(found, scene=scene)
 
     def _best_of_others(self, scene: Scene, usual: Callable[[Scene], Plan], search: Search) -> Plan:
         """The best of the ``usual`` plan and of those from other first motions, with what was

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from deltaopt import load_scene, plan, verify
+from deltaopt import load_robot, load_scene, plan, verify
 from deltaopt.errors import Infeasible
 from deltaopt.scene.scene import Scene
 from studies.problems import PROBLEMS
@@ -42,6 +42,25 @@ def test_a_forearm_that_would_hit_a_body_is_led_around_it():
     assert clear.within_tolerance
     assert 1.001 < clear.duration / free.duration < 1.1
     assert clear.scene == COLUMN
+
+
+def test_what_is_planned_nearer_to_a_wall_is_no_longer_than_what_keeps_farther_away():
+    wall = {
+        "from": [0.573128245576581, -0.2911012543769259, -0.21188541710378767],
+        "to": [1.4448810624776138, -0.1619093497776376, 0.13185780590480128],
+    }
+    scene = Scene(
+        robot=load_robot(PROBLEMS / "robots" / "industrial.yaml"),
+        payload=1.0,
+        start=[0.7477214452473553, -0.106844519233663, 0.2783697904158795],
+        goal=[0.5951296261778865, -0.3461660849209005, -0.3583974016148659],
+        keep_out=[{"box": wall}],
+        robot_keeps_clear=True,
+    )
+    found, farther = (plan(scene.model_copy(update={"clearance": each})) for each in (None, 2e-3))
+    assert found.duration <= farther.duration
+    assert farther.duration <= (1 + 3e-3) * found.duration  # it costs some 0.2 %
+    assert verify(scene, found.trajectory).ok
 
 
 def test_bodies_that_no_link_comes_near_change_nothing():
