@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import chain
 from math import inf
 
 from deltaopt.curves.piecewise import Array
@@ -258,23 +257,31 @@ def _away(attempts: Sequence[Attempt]) -> Iterator[Attempt]:
 
 
 def until_good(so_far: Outcomes, coarsest: int, proposals: Iterator[Proposal]) -> Iterator[Attempt]:
-    """What to attempt next in phases or where an end moves, until a plan is good enough: all first
-    motions on the coarsest mesh on which they stay in the workspace; where none led to a plan, some
-    away from the parallel singularity; then all on finer meshes, and legs past bodies on finer ones
-    still. A motion that two sources propose, as a quintic to rest and a stop, is attempted once."""
+    """What to attempt next in phases or where an end moves, until a plan is good enough.
+
+    First all first motions on the coarsest mesh on which they stay in the workspace, until one is
+    near an optimum; that then on a finer mesh. Where none led to a plan, some away from the
+    parallel singularity, all on finer meshes, and legs past bodies on finer ones still. A motion
+    that two sources propose, as a quintic to rest and a stop, is attempted once.
+    """
+    for attempt in _in_phases(so_far, coarsest, proposals):
+        yield attempt
+        if so_far.is_good:
+            return
+
+
+def _in_phases(so_far: Outcomes, coarsest: int, proposals: Iterator[Proposal]) -> Iterator[Attempt]:
     tried = list[Attempt]()
     for proposal in proposals:
         if any(proposal.motion.position == attempt.motion.position for attempt in tried):
             continue
         tried.append(from_motion(so_far.scene, proposal, coarsest))
         yield tried[-1]
-        if so_far.is_good:
-            return
-    away = () if so_far.plans else _away(tried)
-    for attempt in chain(away, finer(tried, _FINER[0])):
-        yield attempt
-        if so_far.is_good:
-            return
+        if so_far.is_near:
+            break
+    if not so_far.plans:
+        yield from _away(tried)
+    yield from finer(tried[-1:] if so_far.is_near else tried, _FINER[0])
     if not so_far.plans:  # between the points of coarser meshes there may be a thin body
         yield from finer([attempt for attempt in tried if attempt.is_near], _FINER[1])
 

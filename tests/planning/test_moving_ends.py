@@ -414,3 +414,32 @@ def test_a_stop_past_a_sphere_whose_first_meshes_are_not_solved():
     assert found.within_tolerance
     assert found.duration < 0.0212
     assert verify(scene, found.trajectory).failures() == []
+
+
+def test_a_rate_of_torque_is_kept_on_a_fine_mesh_where_the_goal_moves() -> None:
+    """With rows met to a hundredth of the tolerance the method did not converge on two thousand
+    intervals, and the motion that it had found was given up: "no motion was found"."""
+    robot = deltaopt.Robot.model_validate(
+        {
+            "name": "heavy links",
+            "base_radius": 0.2187,
+            "platform_radius": 0.08785,
+            "upper_arm": {"length": 0.4034, "mass": 3.583},
+            "forearm": {"length": 1.079, "mass": 3.725},
+            "platform": {"mass": 3.463},
+            "drive": {"torque": 125.5, "speed": 27.0},
+        }
+    )
+    scene = deltaopt.Scene.model_validate(
+        {
+            "robot": robot,
+            "payload": [0.006763, 0.06763],
+            "start": [0.66781, 0.15304, -0.45363],
+            "goal": {"at": [0.50888, 0.64347, 0.50284], "velocity": [2.059, 0.4206, -0.2926]},
+            "limits": {"torque_rate": 3913.0},
+        }
+    )
+    plan = deltaopt.plan(scene)
+    assert plan.within_tolerance
+    assert deltaopt.verify(scene, plan.trajectory).ok
+    assert plan.duration < 0.3825  # 0.4472 s with a rest on the way
