@@ -14,6 +14,7 @@ from pathlib import Path
 
 from deltaopt.cli.arguments import WrongUsage, folder, load_fastest, one_or_more
 from deltaopt.cli.streams import new_files
+from deltaopt.files.atomic_write import write_text
 from deltaopt.files.output_folder import require_writable
 from deltaopt.files.progress_bar import ProgressBar
 
@@ -58,7 +59,7 @@ def _plans(arguments: argparse.Namespace) -> int:
     require_writable(directory)
     study = compare_plans(cases, progress=ProgressBar())
     with new_files(directory, "plans.csv", *(f"{case.name}.png" for case in cases)) as folder:
-        (folder / "plans.csv").write_text(csv(study), encoding="utf-8", newline="\n")
+        write_text(folder / "plans.csv", csv(study))
         for case in cases:
             draw(study, case.name, folder / f"{case.name}.png")
         print(answer(study), tables(study), sep="\n\n")
@@ -77,7 +78,7 @@ def _dynamics(arguments: argparse.Namespace) -> int:
     require_writable(directory)
     study = compare_dynamics(arguments.states, arguments.rounds, compiler(), progress=ProgressBar())
     with new_files(directory, "dynamics.csv", "dynamics.png") as folder:
-        (folder / "dynamics.csv").write_text(csv(study), encoding="utf-8", newline="\n")
+        write_text(folder / "dynamics.csv", csv(study))
         draw(study, folder / "dynamics.png")
         print(answer(study), table(study), notes(study), verdict(study), sep="\n\n")
         print()

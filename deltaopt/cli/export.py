@@ -33,7 +33,7 @@ from pathlib import Path
 from deltaopt.cli.arguments import WrongUsage, add_output, kilograms, positive
 from deltaopt.cli.streams import present, print_written
 from deltaopt.errors import DeltaOptError, Infeasible, if_possible
-from deltaopt.files.atomic_write import require_replaceable
+from deltaopt.files.atomic_write import require_replaceable, write_text
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.files.units import Misread, Quantity
 from deltaopt.motion.trajectory import Trajectory
@@ -203,7 +203,7 @@ def _schema(arguments: argparse.Namespace) -> list[Path]:
 
 
 def _text(arguments: argparse.Namespace, text: str) -> list[Path]:
-    return _one(arguments.output, lambda file: file.write_text(text, encoding="utf-8"))
+    return _one(arguments.output, lambda file: write_text(file, text))
 
 
 def _table(arguments: argparse.Namespace) -> list[Path]:

@@ -34,6 +34,12 @@ def atomic_write(path: Path) -> Iterator[Path]:
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
 
 
+def write_text(file: Path, text: str) -> None:
+    """Write a text file, whole or not at all. Raises OSError, which names it."""
+    with atomic_write(file) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
 def require_replaceable(path: Path) -> None:
     """Raise OSError where something has this name that is no file: a link, a pipe or a device is
     somebody's means to an end, which a file in its place would break; or a file that its owner has

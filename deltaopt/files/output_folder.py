@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from deltaopt.files.atomic_write import default_mode, require_replaceable, to_disk
+from deltaopt.files.atomic_write import default_mode, require_replaceable, to_disk, write_text
 from deltaopt.interrupts.requests import requests_held
 
 try:
@@ -57,7 +57,7 @@ def write_texts(directory: Path, texts: Mapping[str, str]) -> list[Path]:
     there at once, or none. Returns their paths. Raises OSError, naming the file."""
     with all_or_none(directory) as folder:
         for name, text in texts.items():
-            (folder / name).write_text(text, encoding="utf-8")
+            write_text(folder / name, text)
     return [directory / name for name in texts]
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import yaml
 
 from deltaopt.errors import SceneError, inside
+from deltaopt.files.atomic_write import write_text
 from deltaopt.files.regular_file import content_of
 
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
@@ -160,7 +161,8 @@ def _unusable(problem: str) -> SceneError:
 
 
 def write_yaml(file: Path, content: dict[str, object], comment: str = "") -> None:
-    """Write a mapping of keys to values, in their order, after a comment of one line."""
+    """Write a mapping of keys to values, in their order, after a comment of one line: a file that
+    is whole or not there. Raises OSError, which names it."""
     head = f"# {' '.join(comment.split())}\n" if comment else ""
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
-    file.write_text(head + text, encoding="utf-8")
+    write_text(file, head + text)

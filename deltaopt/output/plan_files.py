@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.files.atomic_write import atomic_write
+from deltaopt.files.atomic_write import write_text
 from deltaopt.files.csv_table import write_csv
 from deltaopt.files.tables import finite
 from deltaopt.files.version import installed_version
@@ -112,9 +112,8 @@ def write_json(file: Path, facts: Facts) -> None:
 
 def write_record(file: Path, record: Mapping[str, object]) -> None:
     """Write a record without infinite numbers as JSON."""
-    with atomic_write(file) as temporary:
-        text = json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False)
-        temporary.write_text(text + "\n", encoding="utf-8")
+    text = json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False)
+    write_text(file, text + "\n")
 
 
 def checksums(content: Mapping[str, object]) -> dict[str, str]:

@@ -18,7 +18,7 @@ import numpy as np
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import installed
-from deltaopt.files.atomic_write import atomic_write
+from deltaopt.files.atomic_write import atomic_write, write_text
 from deltaopt.files.csv_table import write_csv
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.output.joint_table import JointTable
@@ -72,8 +72,7 @@ def write_ros2_yaml(file: Path, table: JointTable, names: tuple[str, str, str]) 
         lines.append(f"  velocities: {velocities.tolist()}")
         lines.append(f"  accelerations: {accelerations.tolist()}")
         lines.append(f"  time_from_start: {{sec: {seconds}, nanosec: {rest}}}")
-    with atomic_write(file) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(file, "\n".join(lines) + "\n")
 
 
 def write_ros2_bag(
@@ -97,7 +96,8 @@ def write_ros2_bag(
             writer.write(connection, 0, store.serialize_cdr(message, MESSAGE))
         files = sorted(bag.iterdir())
         for file in files:
-            shutil.copyfile(file, folder / file.name)
+            with atomic_write(folder / file.name) as temporary:
+                shutil.copyfile(file, temporary)
     return [directory / file.name for file in files]
 
 

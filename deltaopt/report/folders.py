@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from deltaopt.files.atomic_write import write_text
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.output import cycle_files, plan_files
 from deltaopt.output.facts import Facts, facts
@@ -116,5 +117,5 @@ def save_cycle(
             from deltaopt.report.page import cycle_report
 
             written.append(_REPORT)
-            (folder / _REPORT).write_text(cycle_report(plan, verification), encoding="utf-8")
+            write_text(folder / _REPORT, cycle_report(plan, verification))
     return [directory / name for name in (*written, *legs)]

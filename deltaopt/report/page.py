@@ -16,7 +16,7 @@ from math import isfinite
 from pathlib import Path
 from string import Template
 
-from deltaopt.files.atomic_write import atomic_write
+from deltaopt.files.atomic_write import write_text
 from deltaopt.files.tables import html_table
 from deltaopt.motion.active_limits import active_limits
 from deltaopt.output.cycle_files import told_of_cycle
@@ -38,8 +38,7 @@ from deltaopt.verify.verification import Verification
 
 def write_report(file: Path, facts: Facts) -> None:
     """Write the page of a motion. Raises OSError if the file cannot be written."""
-    with atomic_write(file) as temporary:
-        temporary.write_text(report(facts), encoding="utf-8")
+    write_text(file, report(facts))
 
 
 def report(facts: Facts) -> str:

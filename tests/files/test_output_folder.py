@@ -14,7 +14,8 @@ from pathlib import Path
 import pytest
 
 from deltaopt.files.atomic_write import atomic_write
-from deltaopt.files.output_folder import all_or_none, require_writable
+from deltaopt.files.output_folder import all_or_none, require_writable, write_texts
+from deltaopt.files.yaml_file import write_yaml
 
 NEW = {"a.csv": "new a", "b.json": "new b"}
 OLD = {"a.csv": "old a", "b.json": "old b", "notes.txt": "mine"}
@@ -195,6 +196,17 @@ def test_a_full_disk_names_the_file(old):
 
     with pytest.raises(OSError, match="too large") as told, all_or_none(old) as hidden:
         filling(hidden)
+    assert told.value.filename == str(old / "b.json")
+    assert content(old) == OLD
+
+
+@pytest.mark.usefixtures("full_disk")
+def test_a_full_disk_names_the_text_that_does_not_fit(old):
+    with pytest.raises(OSError, match="too large") as told:
+        write_texts(old, {"a.csv": "new a", "b.json": "x" * 5000})
+    assert told.value.filename == str(old / "b.json")
+    with pytest.raises(OSError, match="too large") as told:
+        write_yaml(old / "b.json", {"name": "x" * 5000})
     assert told.value.filename == str(old / "b.json")
     assert content(old) == OLD
 

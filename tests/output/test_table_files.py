@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -163,6 +165,16 @@ def test_a_slower_plan_for_a_first_run(saved_otherwise, tmp_path, capsys):
     np.testing.assert_allclose(slow["t"], 3 * plain["t"], rtol=1e-3)  # plain: as slow as limits ask
     np.testing.assert_allclose(slow["theta1"], plain["theta1"], rtol=1e-12)
     np.testing.assert_allclose(3 * slow["dtheta2"], plain["dtheta2"], rtol=1e-3, atol=1e-9)
+
+
+def test_a_bag_that_does_not_fit_is_named(saved_otherwise, tmp_path, monkeypatch, capsys):
+    def full(source, _):  # as shutil does, which names the file that it reads
+        raise OSError(errno.ENOSPC, "no space", str(source))
+
+    monkeypatch.setattr(shutil, "copyfile", full)
+    bag = tmp_path / "bag"
+    assert main(["export", "ros2", str(saved_otherwise), "-o", str(bag)]) == 2
+    assert capsys.readouterr().err == f"deltaopt: {bag / 'bag.mcap'}: no space\n"
 
 
 def test_ros2_yaml_and_bag_are_the_same_message(saved_otherwise, tmp_path):
