@@ -4,9 +4,9 @@ The file names scenes, numbers of theirs and their robot's that may be changed b
 tables of makers of which a row is chosen (docs/design.md). DIR receives
 
   designs.csv   the best of each choice of rows: what it costs, durations, values
-  robot.yaml    the robot of the best design
+  robot.yaml    the robot of the best design; one of your own is not overwritten
 
-Exit code: 0 found; 1 no design keeps all limits; 2 bad input.
+Exit code: 0 found; 1 no design keeps all limits, or a file exists; 2 bad input.
 """
 
 from __future__ import annotations
@@ -18,10 +18,12 @@ from time import process_time
 from deltaopt.cli.arguments import add_flag, add_json, add_output, optimality_gap, output_directory
 from deltaopt.cli.streams import present, print_json, print_written, say
 from deltaopt.designs.design import TOLERANCE, Candidate, Designed, design
+from deltaopt.files.atomic_write import write_text
 from deltaopt.files.csv_table import csv_text
-from deltaopt.files.output_folder import write_texts
+from deltaopt.files.output_folder import all_or_none
 from deltaopt.files.tables import text_table
 from deltaopt.files.yaml_file import write_yaml
+from deltaopt.output.starting_files import FilesExist
 from deltaopt.sensitivity.numbers import content_of
 
 
@@ -38,6 +40,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     directory, begin = output_directory(arguments), process_time()
+    files = [directory / "designs.csv", directory / "robot.yaml"]
+    if files[1].exists() and not files[0].exists():  # somebody may have written in it
+        raise FilesExist(f"{files[1]} exists and is not overwritten; name another folder")
     found = design(
         arguments.scene,
         derivatives=not arguments.no_derivatives,
@@ -47,9 +52,11 @@ def run(arguments: argparse.Namespace) -> int:
     spent, before = process_time() - begin, present(directory)
     rows = [_row(found, each) for each in sorted(found.candidates, key=lambda each: each.value)]
     text = csv_text([*rows[0]], [[*row.values()] for row in rows])
-    files = [*write_texts(directory, {"designs.csv": text}), directory / "robot.yaml"]
     (job, *_) = found.design.jobs(found.best.choice, found.best.values)
-    write_yaml(files[1], content_of(job)["robot"], f"the best design of {arguments.scene.name}")
+    comment = f"the best design of {arguments.scene.name}"
+    with all_or_none(directory) as folder:
+        write_text(folder / files[0].name, text)
+        write_yaml(folder / files[1].name, content_of(job)["robot"], comment)
     if arguments.json:
         counted = {"evaluations": found.evaluations, "files": [str(file) for file in files]}
         print_json({"best": _row(found, found.best), **counted})

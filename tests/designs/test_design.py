@@ -100,6 +100,20 @@ def test_rows_of_a_catalogue(folder, capsys):
     assert "2 choices passed over, which cannot be better" in capsys.readouterr().out
 
 
+def test_both_files_or_none_and_no_robot_of_somebody(folder, capsys):
+    file = written(folder, f"scenes: [far.yaml]\n{GEAR}")
+    words = ["design", str(file), "--tolerance", "1e-3", "-o"]
+    assert main([*words, str(folder)]) == 1
+    assert "robot.yaml exists and is not overwritten" in capsys.readouterr().err
+    assert (folder / "robot.yaml").read_text() == ROBOT
+    assert main([*words, str(folder / "out")]) == 0
+    (folder / "out" / "robot.yaml").unlink()
+    (folder / "out" / "robot.yaml").mkdir()
+    (folder / "out" / "designs.csv").write_text("old")
+    assert main([*words, str(folder / "out")]) == 2
+    assert (folder / "out" / "designs.csv").read_text() == "old"
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
