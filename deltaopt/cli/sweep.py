@@ -16,12 +16,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from deltaopt.cli.arguments import add_flag, add_output, one_or_more
+from deltaopt.cli.arguments import WrongUsage, add_flag, add_output, one_or_more
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.sweeps.findings import best_compromises, message, told, varied
 from deltaopt.sweeps.points import SweepPoints
 from deltaopt.sweeps.run import cluster, processes
-from deltaopt.sweeps.sweep import fill
+from deltaopt.sweeps.sweep import PARQUET, fill
 from deltaopt.sweeps.sweep_file import load_sweep
 
 
@@ -44,6 +44,8 @@ def add_how(parser: argparse.ArgumentParser) -> None:
 def filled(arguments: argparse.Namespace, name: str, points: SweepPoints) -> tuple[Path, Any]:
     """The table of all points, planned now where they are not there: its file and its rows."""
     file = arguments.output or Path("out") / f"{name}.csv"
+    if file.suffix not in (".csv", PARQUET):  # another one may be that of its pictures
+        raise WrongUsage(f"{file} is no name of a table; it is to end in .csv or {PARQUET}")
     there = partial(cluster, arguments.scheduler)
     start = there if arguments.scheduler else partial(processes, arguments.workers)
     return file, fill(file, points, start, ProgressBar())

@@ -48,7 +48,7 @@ def draw_torques(file: Path, trajectory: Trajectory) -> None:
     holding = trajectory.model.inverse_dynamics(motion.x, rest, rest)
     with figure(file, 3.5, 2.9) as page:
         most, least = np.abs(motion.tau).max(), np.abs(holding).max()
-        page.suptitle(f"up to {most:.3g} N·m, {least:.3g} of them to hold it")
+        page.suptitle(f"up to {most:.3g} N·m, to hold it still up to {least:.3g}")
         axes = page.subplots()
         motor_curves(axes, motion.t, motion.tau)
         for k, colour in enumerate(COLOURS):

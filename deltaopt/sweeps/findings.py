@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from deltaopt.sensitivity.keys import unit_of
+from deltaopt.sweeps.points import FACTS
 
 _SHOWN = 5
 _TOLD = ("duration", "parts_per_minute", "rms_share", "singularity", "limited_by")
@@ -67,7 +68,8 @@ def message(table: Any, names: Sequence[str], column: str) -> str:
     pairs = zip(names, values, strict=True)
     where = ", ".join(f"{name} = {value} {unit_of(name)}".rstrip() for name, value in pairs)
     most = 100 * (table[column].max() / best[column] - 1)
-    return f"{column} is least at {where}: {best[column]:.4g}; elsewhere up to {most:.0f} % more"
+    least = f"{FACTS.get(column, column)} is least at {where}: {best[column]:.4g}"
+    return f"{least}; elsewhere up to {most:.0f} % more"
 
 
 def quantiles(table: Any) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from io import StringIO
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import Any
 from deltaopt.errors import Unusable, installed, on_one_line
 from deltaopt.files.atomic_write import atomic_write, require_replaceable
 from deltaopt.files.csv_table import csv_text
-from deltaopt.files.output_folder import locked
+from deltaopt.files.output_folder import locked, require_writable
 from deltaopt.files.progress_bar import Progress
 from deltaopt.sweeps.points import SweepPoints
 from deltaopt.sweeps.run import Row, Start, on, processes, rows
@@ -116,6 +116,7 @@ def _table(
     Rows are added whole: what a process that was killed left half written is not there any more.
     Raises OtherTable for the table of another sweep, and OSError.
     """
+    require_writable(file.parent)
     file.parent.mkdir(parents=True, exist_ok=True)
     require_replaceable(file)
     with file.open("a", encoding="utf-8", newline="") as out, ExitStack() as held:
@@ -131,8 +132,14 @@ def _table(
         rows = csv.DictWriter(out, columns, lineterminator="\n")
 
         def add(row: Row) -> None:
-            rows.writerow({k: on_one_line(v) if isinstance(v, str) else v for k, v in row.items()})
-            out.flush()
+            told = {k: on_one_line(v) if isinstance(v, str) else v for k, v in row.items()}
+            try:
+                rows.writerow(told)
+                out.flush()
+            except OSError as error:  # which names no file where a disk is full
+                with suppress(OSError):
+                    out.close()
+                raise OSError(error.errno, error.strerror, str(file)) from error
 
         if not content.startswith(header):
             rows.writeheader()

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import resource
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -86,11 +88,13 @@ def test_a_sweep_draws_its_keys_and_the_best_compromises(tmp_path, capsys):
         for t, c in zip(duration, torque, strict=True)
     ]
     assert dominated == [False, False, True, True]
-    from deltaopt.sweeps.findings import best_compromises
+    from deltaopt.sweeps.findings import best_compromises, message
     from deltaopt.sweeps.sweep import read
 
     best = best_compromises(read(file), ("duration", "limits.torque"))
     assert sorted(best["point"]) == [0, 1]
+    title = message(read(file), ["payload"], "duration")
+    assert title.startswith("duration (s) is least at payload = 0.5 kg: 0.")
 
 
 def test_what_cannot_be_used_is_told_before_any_work(tmp_path, capsys):
@@ -107,6 +111,28 @@ def test_what_cannot_be_used_is_told_before_any_work(tmp_path, capsys):
         "deltaopt: --x is 0.8; it must be FROM TO, in m",
     ]
     assert not list(tmp_path.glob("*.csv"))
+
+
+def test_a_table_is_not_lost_to_its_picture_nor_to_a_full_disk(tmp_path, capsys):
+    sweep = tmp_path / "sweep.yaml"
+    scene = Path("problems/pick_and_place.yaml").resolve()
+    sweep.write_text(f"scene: {scene}\ngrid: {{payload: [500 g, 1 kg]}}\n")
+    words = ["sweep", str(sweep), "--workers", "1", "-o"]
+    assert main([*words, str(tmp_path / "rows.png")]) == 2
+    assert "rows.png is no name of a table; it is to end in .csv or" in capsys.readouterr().err
+    assert not (tmp_path / "rows.png").exists()
+    assert main([*words, str(sweep / "rows.csv")]) == 2
+    assert "sweep.yaml: is a file, not a directory" in capsys.readouterr().err
+    full = tmp_path / "full.csv"
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    usual = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, limits[1]))
+    try:
+        assert main([*words, str(full)]) == 2
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, usual)
+    assert f"deltaopt: {full}: File too large" in capsys.readouterr().err
 
 
 def test_a_table_as_parquet_has_the_same_rows(tmp_path):
