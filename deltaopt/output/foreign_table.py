@@ -34,6 +34,15 @@ are divided by its square."""
 _SAME = 1e-5
 """Share of the way, and of the largest speed, by which rows of one time may differ: digits that a
 table was rounded to, and a tenth of what good robots repeat to."""
+_LEAST_SHARE = 0.7
+"""Least that the way may be by speeds of what it is by positions: rows may be few, and rounded."""
+_STOPS = 1e-6
+"""Share of the way below which speeds are none: the robot stops at every row."""
+_JUDGED, _LITTLE = 2000, 1e-2
+"""Rows whose speeds are judged by their values, and share of the largest mean square of a way below
+which a way may be noise."""
+_EQUAL = 0.9
+"""Share of equal steps from which others stand out."""
 _SPLIT = 4
 """Parts of a piece of motor angles, each of which a quintic piece of the position follows: with so
 many they differ by less than 1e-9 of what a millisecond's piece moves."""
@@ -71,6 +80,32 @@ class ForeignTable:
         row = int(beyond.argmax())
         what = "motor angles in rad" if self.quantity == ANGLES else "positions in m"
         return f"line {self.lines[row]}: {in_words(self.values[row])} are no {what}"
+
+    def contradiction(self) -> str | None:
+        """In words the first column whose speeds are not those of its values, None if all are."""
+        if self.rates is None:
+            return None
+        some = slice(_JUDGED)  # for what rounding adds up to in hours
+        away, steps = (self.values - self.values[0])[some], np.diff(self.t[some])[:, None]
+        ways = np.cumsum(steps * (self.rates[some][1:] + self.rates[some][:-1]) / 2, axis=0)
+        sizes = (away**2).sum(axis=0)
+        for name, way, far, size in zip(self.quantity, ways.T, away.T[:, 1:], sizes, strict=True):
+            share = float(way @ far) / size if size > _LITTLE * sizes.max() else 1.0
+            if abs(share) > _STOPS and not _LEAST_SHARE <= share <= 1 / _LEAST_SHARE:
+                given = f"speeds of {name} over times give {share:.3g} of the way that it goes"
+                return f"{given}; are columns in their order, and times in s?"
+        return None
+
+    def gap(self) -> str | None:
+        """In words the first place where rows seem to be missing of a table of equal steps."""
+        steps = np.diff(self.t)
+        usual = float(np.median(steps))
+        times = np.round(steps / max(usual, _SHORTEST))
+        if np.mean(np.abs(steps - usual) < _SAME * usual) < _EQUAL or not (times > 1).any():
+            return None
+        row = int((times > 1).argmax())
+        lines = f"from line {self.lines[row]} to line {self.lines[row + 1]}"
+        return f"{lines} it is {steps[row]:.6g} s, elsewhere {usual:.6g} s; are rows missing?"
 
     @property
     def interpolation(self) -> str:
@@ -131,10 +166,10 @@ def _foreign_table(table: CsvTable) -> ForeignTable:
     header = set(table.names)
     quantity = next((q for q in (ANGLES, POSITION) if set(q) <= header), None)
     if quantity is None or "t" not in header:
-        raise WrongCsv(
-            "its header has no t with theta1, theta2, theta3 (rad) or x, y, z (m), but "
-            f"{', '.join(table.names[:8]) or 'nothing'}"
-        )
+        needed = "t with theta1, theta2, theta3 (rad) or x, y, z (m)"
+        if not table.names:
+            raise WrongCsv(f"names no columns in its first line; it needs {needed}")
+        raise WrongCsv(f"its header has no {needed}, but {', '.join(table.names[:8])}")
     if len(table.rows) < 4:
         raise WrongCsv(f"has {len(table.rows)} rows; a motion has four at least")
     parts = [[prefix + name for name in quantity] for prefix in ("", *_RATES[quantity])]

@@ -161,7 +161,8 @@ def table_difference(file: Path, trajectory: Trajectory) -> str | None:
         return "its time does not increase in equal steps"
     expected = instants(trajectory, rate)
     if len(t) != len(expected):
-        return f"has {len(t)} rows; the motion has {len(expected)} at {rate:.6g} Hz"
+        takes = f"the motion has {len(expected)} at {rate:.6g} Hz, in {trajectory.duration:.6g} s"
+        return f"has {len(t)} rows in {t[-1] - t[0]:.6g} s; {takes}"
     late = np.abs(t - expected) > _SAME * trajectory.duration
     wanted = rows_at(trajectory, np.where(late, expected, t))  # on which side of a jump t is
     sizes = np.abs(wanted).max(axis=0)

@@ -11,7 +11,7 @@ import deltaopt
 from deltaopt.cli import main
 from deltaopt.output.foreign_table import UnreadableTable, read_foreign_table
 from deltaopt.output.joint_table import CUBIC, QUINTIC, Rows, checked_table
-from deltaopt.output.table_files import of_controller, write_table
+from deltaopt.output.table_files import COLUMNS, of_controller, write_table
 from deltaopt.robot.model import delta_model
 from studies.problems import ORSINO, PROBLEMS
 
@@ -161,6 +161,30 @@ def test_columns_that_are_not_used_are_named(tmp_path, capsys):
     assert "columns that are not used: tau1\n" in capsys.readouterr().err
 
 
+DAMAGES = {
+    "time in ms": (lambda t, rows: (1e3 * t, rows), "speeds of theta1 over times give 1e\\+03 of"),
+    "exchanged": (lambda t, rows: (t, rows[:, [1, 0, *range(2, 9)]]), "speeds of theta1 .* order"),
+    "other signs": (lambda t, rows: (t, rows * np.repeat([1, -1, 1], 3)), "give -1 of the way"),
+    "missing": (
+        lambda t, rows: (np.delete(t, [50, 51]), np.delete(rows, [50, 51], axis=0)),
+        "from line 51 to line 52 it is 0.003 s, elsewhere 0.001 s; are rows missing",
+    ),
+    "none": (lambda t, rows: (t, rows), ""),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGES)
+def test_a_table_that_was_damaged_says_so(name, picked, robot, tmp_path, capsys):
+    change, expected = DAMAGES[name]
+    table = checked_table(SCENE, picked.trajectory, Rows(1e-3), QUINTIC).table
+    t, rows = change(table.t, np.hstack([table.theta, table.dtheta, table.ddtheta]))
+    columns = dict(zip(COLUMNS, np.column_stack([t, rows]).T, strict=True))
+    file = write(tmp_path / "table.csv", columns)
+    main(["verify", str(file), "--robot", str(robot), "--payload", "1"])
+    said = [line for line in capsys.readouterr().err.splitlines() if "table.csv" in line]
+    assert re.search(expected, said[0]) if expected else not said
+
+
 def beside(names, entries):
     """A table with more columns, of the same entries in every row."""
     header, *rows = PLAIN.splitlines()
@@ -168,6 +192,7 @@ def beside(names, entries):
 
 
 BAD = {
+    "no names": ("0,1,2,3\n1,1,2,3\n", "names no columns in its first line"),
     "other columns": ("a,b\n1,2\n", "no t with theta1"),
     "short": ("t,x,y,z\n0,1,2,3\n", "has 1 rows"),
     "backwards": ("t,x,y,z\n0,1,2,3\n1,1,2,3\n0.5,1,2,3\n2,1,2,3\n", "from line 3 to line 4"),

@@ -116,7 +116,14 @@ TABLES = {
         "theta1 is .* in line 10",
     ),
     "no number": (lambda rows: replaced(rows, 50, 4, "n/a"), "vx is 'n/a' in line 51"),
-    "cut off": (lambda rows: rows[:70], "has 69 rows; the motion has 142 at 1000 Hz"),
+    "cut off": (lambda rows: rows[:70], "has 69 rows in 0.068 s; the motion has 142 at 1000 Hz"),
+    "in ms": (
+        lambda rows: [
+            rows[0],
+            *(f"{1e3 * float(t)!r},{x}" for t, x in (r.split(",", 1) for r in rows[1:])),
+        ],
+        "has 142 rows in 140.9.* s; the motion .* in 0.1409",
+    ),
     "no rows": (lambda rows: rows[:1], "has 0 rows"),
     "backwards": (lambda rows: [rows[0], *rows[:0:-1]], "in equal steps"),
     "names exchanged": (
