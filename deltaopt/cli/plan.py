@@ -13,7 +13,7 @@ verified by code that shares the robot's model with the planner but no method. D
   limits.png       with --plot-limits: every limit over time, the path from two sides
   report.html      with --report: the robot in motion, all limits over time, one page for a browser
 
-A plan removes the files of a cycle from DIR, and a cycle those of a plan; all others stay.
+What an earlier plan or cycle wrote to DIR is removed; all other files stay.
 Several scenes are planned one after the other; each has a folder of its own. Where a scene's file
 has the key cycle, DIR receives trajectory.csv of a whole period, cycle.json, cycle.png, and a
 folder of each leg, limits.png in it.

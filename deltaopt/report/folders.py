@@ -4,7 +4,6 @@ page, all or none."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 from deltaopt.files.atomic_write import write_text
@@ -45,11 +44,11 @@ def save_plan(plan: Plan, directory: str | Path, **drawn: bool) -> list[Path]:
 def save(directory: Path, facts: Facts, rate: float, drawn: Drawn) -> list[Path]:
     """Write the files of a plan into a directory, made if need be, and return their paths.
 
-    All of them appear there at once, or none. The files of an earlier cycle leave; what else is
-    there stays. ``rate``: instants per second in trajectory.csv, Hz. Raises OSError, naming the
-    file, if one cannot be written.
+    All of them appear there at once, or none. The files of an earlier plan or cycle leave; what
+    else is there stays. ``rate``: instants per second in trajectory.csv, Hz. Raises OSError, naming
+    the file, if one cannot be written.
     """
-    with all_or_none(directory, partial(_earlier, other=cycle_files.RECORD)) as folder:
+    with all_or_none(directory, _earlier) as folder:
         written = _write(folder, facts, rate, drawn)
     return [directory / name for name in written]
 
@@ -78,13 +77,12 @@ def _write(folder: Path, facts: Facts, rate: float, drawn: Drawn) -> list[str]:
     return written
 
 
-def _earlier(directory: Path, other: str) -> list[str]:
-    """Names of the files that a directory may have from before and that are not to stay: those of
-    the legs of a cycle that was saved there, and those beside the ``other`` record, which a plan
-    has where a cycle is saved now, and a cycle where a plan is."""
+def _earlier(directory: Path) -> list[str]:
+    """Names of the files that a directory may have from before and that are not to stay: those of a
+    plan or a cycle that was saved there, and of its legs. A page is that of another motion."""
     is_cycle = (directory / cycle_files.RECORD).exists()
     places = [f"{cycle_files.folder_of(index)}/" for index in range(MOST_LEGS)] if is_cycle else []
-    places += [""] if (directory / other).exists() else []
+    places += [""] if is_cycle or (directory / plan_files.RECORD).exists() else []
     return [f"{place}{name}" for place in places for name in _NAMES]
 
 
@@ -94,13 +92,13 @@ def save_cycle(
     """Write the files of a planned cycle into a directory, made if need be; return their paths.
 
     Each leg has a folder there, as a plan of its own has, from which all commands on plans work.
-    All of them appear there at once, or none. The files of an earlier plan, and of the legs of an
-    earlier cycle, leave. ``rate``: instants per second in tables, Hz. Raises OSError, naming the
-    file, if one cannot be written.
+    All of them appear there at once, or none. The files of an earlier plan or cycle leave.
+    ``rate``: instants per second in tables, Hz. Raises OSError, naming the file, if one cannot be
+    written.
     """
     written, legs = [TABLE, cycle_files.RECORD], list[str]()
     record = cycle_files.content_of_cycle(plan, verification)
-    with all_or_none(directory, partial(_earlier, other=plan_files.RECORD)) as folder:
+    with all_or_none(directory, _earlier) as folder:
         for index, (leg, measures) in enumerate(zip(plan.legs, verification.legs, strict=True)):
             facts = Facts(leg, measures)
             own, of_leg = cycle_files.folder_of(index), Drawn(chart=False, limits=drawn.limits)

@@ -66,6 +66,18 @@ def test_what_is_replaced_is_said(tmp_path, capsys):
         assert f"{times}{tmp_path / 'table.csv'}\n" in capsys.readouterr().out
 
 
+def test_no_page_of_an_earlier_motion_stays_beside_a_plan(tmp_path, capsys):
+    words = ["plan", str(SCENE_FILE), "--baseline", "-o", str(tmp_path)]
+    assert main([*words, "--report", "--plot-limits"]) == 0
+    (tmp_path / "notes.txt").touch()
+    capsys.readouterr()
+    assert main([*words, "--no-plot"]) == 0
+    gone = ", ".join(str(tmp_path / name) for name in ("limits.png", "plan.png", "report.html"))
+    assert f"removed: {gone}\n" in capsys.readouterr().out
+    left = sorted(file.name for file in tmp_path.iterdir())
+    assert left == ["notes.txt", "plan.json", "trajectory.csv"]
+
+
 def test_of_many_files_their_number_is_said(tmp_path, capsys):
     legs = [tmp_path / f"leg_{number}" for number in range(1, 8)]
     files = [leg / name for leg in legs for name in ("plan.json", "trajectory.csv")]
