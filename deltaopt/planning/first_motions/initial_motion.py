@@ -184,19 +184,24 @@ def waiting_motions(scene: Scene, duration: float) -> list[Trajectory]:
     """
     if not scene.task.is_at_rest or scene.task.gates or scene.tube is not None:
         return []
-    ways = {i: way for i, depth in enumerate(_WAITING_DEPTHS) if (way := _by_way_of(scene, depth))}
-    holding = {i: _holding_effort(way) for i, way in ways.items()}
-    least = [
-        way
-        for i, way in ways.items()
-        if holding[i] <= min(holding.get(i - 1, np.inf), holding.get(i + 1, np.inf))
-    ]
     found = list[Trajectory]()
-    for there, onwards in least:
+    for there, onwards in _by_way_of_rest(scene):
         slower = min(_UNHURRIED, _MOVING * duration / (there.duration + onwards.duration))
         if slower > 1:
             found.append(_with_wait(there.slowed(slower), onwards.slowed(slower), duration))
     return found
+
+
+@lru_cache(maxsize=64)
+def _by_way_of_rest(scene: Scene) -> list[tuple[Trajectory, Trajectory]]:
+    """Ways by places on the robot's axis where the effort of holding is less than beside them."""
+    ways = {i: way for i, depth in enumerate(_WAITING_DEPTHS) if (way := _by_way_of(scene, depth))}
+    holding = {i: _holding_effort(way) for i, way in ways.items()}
+    return [
+        way
+        for i, way in ways.items()
+        if holding[i] <= min(holding.get(i - 1, np.inf), holding.get(i + 1, np.inf))
+    ]
 
 
 def has_time_to_wait(scene: Scene) -> bool:
