@@ -22,6 +22,7 @@ import numpy as np
 
 from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.files.validated_record import Vector3, vector3
+from deltaopt.motion.links import planned_distances
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.planning.first_motions.bands import without_bodies
 from deltaopt.planning.first_motions.roadmap import path_over_grid, spacing
@@ -73,8 +74,9 @@ _NARROWEST, _WIDEST = 1e-5, 0.5
 leave none, and the grid has places in wider ones."""
 _PARALLEL = 1e-6
 """Sine of the angle between planes that are taken not to cross."""
-_BETWEEN = np.linspace(0.0, 1.0, 9)
-"""Of a line, where distances and their slopes are taken."""
+_BETWEEN, _CLOSELY = np.linspace(0.0, 1.0, 9), np.linspace(0.0, 1.0, 65)
+"""Of a line, where distances and their slopes are taken; and where links are looked at, whose
+distances are not convex along it."""
 _TOUCHED = 1e-6
 """m from a body. A line that touches two leads through where they meet, unless they are touched
 where it begins or ends."""
@@ -195,11 +197,12 @@ class _StraightLines:
 
     def clear_places(self, places: Array) -> Array:
         """Those that are clear of bodies and where the platform can be held."""
-        return places[self.are_clear_places(places) & self._can_be_held(places)]
+        return places[self.room(places) > 0]
 
     def room(self, places: Array) -> Array:
         """The room for the platform at rest at places, (N,), negative where they are not clear."""
-        return np.where(self.are_clear_places(places), room_at_rest(self.without, places), -1.0)
+        clear = self.are_clear_places(places) & self._have_links_clear(places)
+        return np.where(clear, room_at_rest(self.without, places), -1.0)
 
     def are_clear_places(self, places: Array) -> Truths:
         """Which places, (N, 3), are clear of bodies, (N,)."""
@@ -235,12 +238,18 @@ class _StraightLines:
         by_ends = (touched <= self._touched_by_ends[:, None]).all(axis=2).any(axis=0)
         leads_between = (touched.sum(axis=1) > 1) & ~by_ends
         clear = np.asarray((least >= self._kept - _ROUNDING).all(axis=1) & ~leads_between)
-        held = self._can_be_held(x[clear].reshape(-1, 3))  # takes longer than distances
-        clear[clear] = held.reshape(-1, len(_BETWEEN)).all(axis=1)
+        held = room_at_rest(self.without, x[clear].reshape(-1, 3))  # takes longer than distances
+        clear[clear] = (held.reshape(-1, len(_BETWEEN)) > 0).all(axis=1)
+        if self.scene.planned_links:
+            x = begin + _CLOSELY[:, None] * way[clear][:, None]
+            links = self._have_links_clear(x.reshape(-1, 3))
+            clear[clear] = links.reshape(-1, len(_CLOSELY)).all(axis=1)
         return clear
 
-    def _can_be_held(self, places: Array) -> Truths:
-        return np.asarray(room_at_rest(self.without, places) > 0)
+    def _have_links_clear(self, places: Array) -> Truths:
+        """At which places, (N, 3), links that are planned to keep clear of bodies do, (N,)."""
+        distance, _ = planned_distances(self.scene, places)
+        return np.asarray((distance > [each.least for each in self.scene.kept_links]).all(axis=1))
 
 
 def _least(distance: Array, onwards: Array, so_far: Array) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 from deltaopt import Scene, load_robot
 from deltaopt.planning.first_motions.passages import shortest_paths
 from studies.problems import PROBLEMS
+from tests.limits.test_links import lines
 
 BLOCK = {"from": [-0.05, -0.05, -0.025], "to": [0.0, 0.05, 0.025]}
 WALL = {"from": [0.121, -0.2503, -0.517], "to": [1.21, -0.1746, 0.643]}
@@ -27,3 +28,30 @@ def test_a_block_is_led_over_a_wall_that_reaches_almost_to_the_top_of_the_worksp
     low, high = places + BLOCK["from"], places + BLOCK["to"]
     apart = (low > WALL["to"]) | (high < WALL["from"])
     assert apart.any(axis=1).all()
+
+
+def test_paths_of_lines_keep_links_clear_too():
+    """By the lines of the links at dense places of the path, and the box's own distance."""
+    low, high = np.array([0.28718, -0.18459, -0.03204]), np.array([1.94371, -0.0212, 0.134])
+    scene = Scene(
+        robot=load_robot(PROBLEMS / "robots" / "industrial_links.yaml"),
+        payload=1.0,
+        start=[0.49321, -0.52745, -0.38044],
+        goal=[0.71329, 0.32166, 0.4824],
+        keep_out=[{"box": {"from": low.tolist(), "to": high.tolist()}}],
+    )
+    assert least_distance_of_forearms(scene, low, high) < 0.01
+    radius = scene.robot.forearm.radius
+    planned = tuple((link, 0, radius) for link in (1, 3, 5))
+    found = scene.model_copy(update={"planned_links": planned})
+    assert least_distance_of_forearms(found, low, high) >= radius
+
+
+def least_distance_of_forearms(scene: Scene, low: np.ndarray, high: np.ndarray) -> float:
+    """From a box, of the lines of the forearms along the shortest path of lines, m."""
+    corners = next(iter(shortest_paths(scene)))
+    places = [a + s * (b - a) for a, b in pairwise(corners) for s in np.linspace(0, 1, 61)]
+    begin, end = (each[:, 1::2] for each in lines(scene, np.array(places)))
+    x = begin + np.linspace(0, 1, 201)[:, None, None, None] * (end - begin)
+    outside = np.maximum(np.maximum(low - x, x - high), 0)
+    return float(np.linalg.norm(outside, axis=-1).min())
