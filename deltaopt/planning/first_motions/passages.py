@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import combinations, islice, pairwise, product
-from math import dist, hypot, inf, tau
+from math import dist, inf
 
 import numpy as np
 
@@ -25,9 +25,9 @@ from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.motion.links import planned_distances
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.planning.first_motions.bands import without_bodies
+from deltaopt.planning.first_motions.beside_bodies import beside_body
 from deltaopt.planning.first_motions.roadmap import path_over_grid, spacing
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.robot.solids import Convex, Polytope, Solid
 from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
@@ -59,10 +59,6 @@ _ANOTHER = 0.2
 """Of the way from start to goal: another path has no corner nearer to one of the shortest."""
 _ROOM = 0.6
 """By what share of the way from start to goal the grid reaches beyond both."""
-_LARGEST = 100.0
-"""Half the length of a side, m, beyond which a body's corners are not looked for."""
-_ROUND = 8
-"""Places around a cylinder or sphere."""
 _ALONG = 3
 """Places on the straight line from start to goal, to which the nearest ones on edges and planes are
 tried."""
@@ -273,7 +269,7 @@ def _places(scene: Scene, ends: Array, numbers: tuple[int, ...], *, between: boo
     line = ends[0] + np.linspace(0.0, 1.0, _ALONG)[:, None] * (ends[1] - ends[0])
     near = line if between else np.zeros((0, 3))
     beside = [
-        _beside(body, scene.least_clearance + distance, near)
+        beside_body(body, scene.least_clearance + distance, near)
         for body in scene.kept_out
         for distance in BESIDE
     ]
@@ -335,60 +331,6 @@ def _projected(scene: Scene, x: Array, row: int) -> Array:
     """The nearest places of a body, grown by the tool, to places (N, 3), m."""
     distance, slope = signed_distances(problem_of(scene), x)
     return np.asarray(x - np.maximum(distance[:, row, None], 0.0) * slope[:, row])
-
-
-def _beside(body: Convex, distance: float, line: Array) -> Array:
-    """Places at about a distance (m) from the corners, edges and sides of a body, (N, 3), m; of its
-    edges the middle, or the places nearest to those on a line, (n, 3), m."""
-    off = body.radius + distance
-    if isinstance(body, Polytope):
-        return _around_polytope(np.array(body.triangles), off, line)
-    axes, centre = np.array(body.axes), np.array(body.centre)
-    return np.asarray(_around(body, off, (line - centre) @ axes.T) @ axes + centre)
-
-
-def _around_polytope(triangles: Array, off: float, line: Array) -> Array:
-    """A line that stays ``off`` a body of triangles, counter-clockwise seen from outside: straight
-    out of corners and edges, between the faces that meet there."""
-    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    edges = dict[tuple[bytes, bytes], Array]()
-    corners = dict[bytes, list[Array]]()
-    found = []
-    for triangle, normal in zip(triangles, normals, strict=True):
-        for a, b in zip(triangle, np.roll(triangle, -1, axis=0), strict=True):
-            corners.setdefault(a.tobytes(), []).append(normal)
-            beyond = edges.get((b.tobytes(), a.tobytes()))
-            if beyond is None:
-                edges[a.tobytes(), b.tobytes()] = normal
-                continue
-            share = np.clip((line - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)[:, None]
-            found.append(a + share * (b - a) + off * _outwards([normal, beyond]))
-    found += [np.frombuffer(a)[None] + off * _outwards(own) for a, own in corners.items()]
-    return np.vstack(found)
-
-
-def _outwards(normals: list[Array]) -> Array:
-    """The unit vector between some normals."""
-    total = np.sum(normals, axis=0)
-    return np.asarray(total / hypot(*total))
-
-
-def _around(body: Solid, off: float, line: Array) -> Array:
-    """A line that stays ``off`` a box or cylinder, in its axes."""
-    half = np.array(body.half)
-    if body.is_cylinder:
-        angles = np.arange(_ROUND) * tau / _ROUND
-        ring = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(_ROUND)])
-        wide = (half[0] + off) / np.cos(np.pi / _ROUND)  # so that lines between them are clear
-        up = np.array([0.0, 0.0, half[2] + off])
-        return np.vstack([wide * ring - up, wide * ring, wide * ring + up, up, -up])
-    if half.max() > _LARGEST:
-        return np.zeros((0, 3))
-    signs = np.array([each for each in product((-1.0, 0.0, 1.0), repeat=3) if any(each)])
-    nearest = np.vstack([np.zeros(3), np.clip(line, -half, half)])
-    places = np.where(signs[:, None] == 0, nearest, signs[:, None] * (half + off))
-    return np.unique(places.reshape(-1, 3), axis=0)
 
 
 def _shortest(length: Array, ahead: Array) -> list[int] | None:
