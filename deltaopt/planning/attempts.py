@@ -23,8 +23,7 @@ from deltaopt.planning.first_motions.order_of_merit import (
     is_slow,
     rounds,
 )
-from deltaopt.planning.mesh.error_estimate import split
-from deltaopt.planning.nlp.phases import first_mesh
+from deltaopt.planning.nlp.phases import first_mesh, own_mesh
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.plan import Optimum, Plan, quicker
 from deltaopt.problem.of_scene import problem_of
@@ -80,7 +79,7 @@ class Attempt:
     def mesh(self) -> Array:
         """The intervals of the first mesh as fractions of the duration, (N,)."""
         if self.on_twice_its_mesh:
-            return split(self.motion.shares, 2 * self.problem.together)
+            return own_mesh(self.motion, 2, self.problem.together)
         return first_mesh(self.problem, self.motion, self.intervals)
 
     @cached_property

@@ -25,7 +25,7 @@ from deltaopt.motion.motion_sequence import waiting
 from deltaopt.motion.running_cost import cost as cost_of
 from deltaopt.motion.trajectory import Trajectory, goal_of, passes
 from deltaopt.planning.first_motions.initial_motion import waiting_motions
-from deltaopt.planning.mesh.error_estimate import split
+from deltaopt.planning.nlp.phases import own_mesh
 from deltaopt.planning.nlp.problem import FASTEST, SMOOTHLY_FASTEST, Cost, Formulated, Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import QUADRATIC
@@ -196,7 +196,7 @@ def far_and_near(starts: Sequence[Beginning], together: int) -> Iterator[tuple[B
     the guess's own mesh, for a motion that is hardly slower than the fastest is at them."""
     yield from ((start, False) for start in starts)
     for start in starts:
-        yield replace(start, mesh=split(start.guess.shares, together)), True
+        yield replace(start, mesh=own_mesh(start.guess, 1, together)), True
 
 
 def _waiting_mesh(motion: Trajectory, intervals: int) -> Array:

@@ -52,6 +52,16 @@ def first_mesh(problem: Problem, motion: Trajectory, intervals: int) -> Array:
     return np.repeat(lengths / counts, counts)
 
 
+def own_mesh(motion: Trajectory, pieces: int, together: int) -> Array:
+    """The mesh of the knots of a motion, each interval split evenly into so many pieces, (N,),
+    fractions of the duration. So many ``together`` are equally long: thirds, unless the motion's
+    own intervals are thirds already."""
+    own = motion.shares
+    if len(own) % together == 0 and np.allclose(own, np.repeat(own[::together], together)):
+        together = 1
+    return np.repeat(own / (pieces * together), pieces * together)
+
+
 @dataclass(frozen=True, eq=False)
 class FacePhases:
     """The phases of a motion past edges: in each it keeps clear of one face of every body whose
