@@ -48,7 +48,7 @@ _GROWTH = 1.15
 _FEWEST_PER_MOVE = 8
 """Intervals of a move before or after a wait below which no mesh is made coarser: with fewer, such
 motions may leave the workspace between the points of the mesh."""
-_LONGEST = 1000.0
+LONGEST = 1000.0
 """Most durations of the fastest motion that may be given. In nearly all of a longer one the motion
 rests, which meshes of so many intervals do not resolve."""
 _BENDS = 100.0
@@ -94,10 +94,10 @@ def require_possible(given: float, shortest: float, gap: float) -> None:
         raise Infeasible(
             f"duration is {given:g} s, but the fastest motion that was found takes {shortest:.6g} s"
         )
-    if given > _LONGEST * shortest:
+    if given > LONGEST * shortest:
         raise Infeasible(
             f"duration is {given:g} s, in which the motion would rest for all but about "
-            f"{shortest:.3g} s; expected at most {_LONGEST * shortest:.3g} s, {_LONGEST:g} times "
+            f"{shortest:.3g} s; expected at most {LONGEST * shortest:.3g} s, {LONGEST:g} times "
             "as long as the fastest motion"
         )
 

@@ -28,6 +28,7 @@ from deltaopt.planning.attempts import (
     on_twice_its_mesh,
     until_good,
 )
+from deltaopt.planning.effort_planning import LONGEST
 from deltaopt.planning.first_motions.around_bodies import is_clear, with_stops
 from deltaopt.planning.first_motions.bands import sampled, without_bodies
 from deltaopt.planning.first_motions.belt import not_found
@@ -285,12 +286,14 @@ def _ends_as_asked(problem: Problem, motion: Trajectory) -> bool:
 
 def _in_given_time(scene: Scene, motion: Trajectory) -> Trajectory | None:
     """A motion that keeps all limits, slowed to the duration that is given, if one is; None where
-    it takes longer, or does not keep them, as where an end moves, and where a share of the fastest
-    motion's duration is asked for, which is not known here."""
+    it takes longer, would rest for all but nothing of it, or does not keep them, as where an end
+    moves, and where a share of the fastest motion's duration is asked for, which is not known
+    here."""
     given = scene.objective.given_duration
     if given is None:
         return None if scene.objective.is_share else motion
-    if motion.duration > given or not problem_of(scene).is_at_rest:
+    is_possible = motion.duration <= given <= LONGEST * motion.duration
+    if not (is_possible and problem_of(scene).is_at_rest):
         return None
     slowed = motion.slowed(given / motion.duration)
     return slowed if safe_factor(problem_of(scene), slowed) <= 1 + KEPT else None

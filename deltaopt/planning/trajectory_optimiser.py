@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from math import inf, isinf
+from math import inf, isclose, isinf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -94,8 +94,11 @@ class TrajectoryOptimiser:
 
     def plan(self, attempt: Attempt, report: Progress) -> Plan:
         """Plan the best motion from one first guess and one first mesh."""
-        is_known = attempt.is_near and bool(attempt.scene.objective.weights[0])
-        if isinstance(attempt.scene.objective, Time) or is_known:
+        objective, given = attempt.scene.objective, attempt.scene.objective.given_duration
+        is_free = bool(objective.weights[0])
+        takes_as_long = given is not None and isclose(attempt.motion.duration, given)
+        is_known = attempt.is_near and (is_free or takes_as_long)
+        if isinstance(objective, Time) or is_known:
             return self.fastest(attempt, self.accuracy, report)
         return self._plan_effort(attempt, report)
 
