@@ -353,13 +353,14 @@ def _require_one_side(problem: Problem, trajectory: Trajectory, status: str) -> 
 
 def _best_of(meshes: Sequence[MeshSolution]) -> int:
     """The index of the fastest mesh solution once it keeps all limits, or of effort that with the
-    least gap. Where slowing helps none, the finest that keeps its places: others follow from it."""
+    least gap of those that keep their places. Where slowing helps none, or none keeps its places,
+    the finest: others follow from it."""
 
-    def merit(i: int) -> tuple[float, bool, int]:
+    def merit(i: int) -> tuple[bool, float, int]:
         found, least = meshes[i], meshes[i].safe_duration
         if found.problem.objective.running:
             least = max(found.gap, above_least(found, meshes))
-        return least, not found.needed.keeps_places, -i
+        return not found.needed.keeps_places, least, -i
 
     return min(range(len(meshes)), key=merit)
 
