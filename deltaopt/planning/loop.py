@@ -219,17 +219,18 @@ class Loop:
             return self.improved(scene, found)
 
     def improved(self, scene: Scene, found: Plan) -> Plan:
-        """A plan that begins with the motion of another, or the other one where that is not better:
-        on few intervals, and then on twice the mesh of the better, each as often as this improves
-        it. A mesh whose knots are where bodies are passed closely does not lead through them."""
+        """A plan that begins with the motion of another, or the other one where that is good enough
+        or this is not better: on few intervals, and then on twice the mesh of the better, each as
+        often as this improves it. A mesh whose knots are where bodies are passed closely does not
+        lead through them."""
         few = partial(on_few_intervals, scene, coarsest=self.optimiser.intervals)
         for attempt_from in (few, partial(on_twice_its_mesh, scene)):
             for _ in range(_IMPROVED):
+                if found.gap <= self.good_gap(scene):
+                    return found
                 known, made = found, self.remedied(attempt_from(found.trajectory))
                 if isinstance(made, Plan) and is_clear(scene, made.trajectory):
                     found = quicker(known, made)
-                if found.gap <= self.good_gap(scene):
-                    return found
                 if found.cost > (1 - _SHORTER) * known.cost and found.gap >= known.gap:
                     break
         return found

@@ -47,7 +47,7 @@ from deltaopt.planning.first_motions.through_gates import simple_motions, throug
 from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.in_flight import finished_first, stop_of
 from deltaopt.planning.links_clear import keeping_links_clear
-from deltaopt.planning.loop import USUAL, Loop, or_raise
+from deltaopt.planning.loop import USUAL, Loop, Outcome, or_raise
 from deltaopt.planning.past_bodies.legs import proposed_in_legs
 from deltaopt.planning.past_bodies.ways import NEARLY, at_rest, fastest_way
 from deltaopt.planning.path.path_planning import (
@@ -171,16 +171,19 @@ class Run(Loop):
     def _at_least_cost(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan | None:
         """Plan for another objective than time past bodies, or in a share of the fastest motion's
         duration: from the usual first motions, and where these lead to no plan, or past bodies to
-        none near an optimum, from the fastest motion of all, near which the best is. Past bodies
-        such a share is planned from that at once: over edges the fastest from each first motion
-        alone may be far slower. None of other scenes."""
+        none near an optimum, from the fastest motion of all, near which the best is; past bodies a
+        share at once, for over edges other fastest motions may be slower. None of other scenes."""
         past_bodies, is_share = limits_of(scene).constraints.has_convex, scene.objective.is_share
         if not (past_bodies or is_share):
             return None
-        planned = partial(self._plan_by_limits, scene, under_way)
-        usual = None if past_bodies and is_share else if_possible(NO_PLAN, planned)
-        if usual is not None and (usual.gap <= _NEARLY or not past_bodies):
-            return usual
+        usual: Outcome | None = None
+        if not (past_bodies and is_share):
+            try:
+                usual = self._plan_by_limits(scene, under_way)
+                if usual.gap <= _NEARLY or not past_bodies:
+                    return usual
+            except NO_PLAN as error:
+                usual = error
         tolerance = max(self.optimiser.tolerance, USUAL)
         quick = replace(self, optimiser=replace(self.optimiser, tolerance=tolerance))
         fastest = quick._plan_by_limits(scene.model_copy(update={"objective": Time()}), under_way)
@@ -188,9 +191,14 @@ class Run(Loop):
         if objective.given_duration is not None:
             require_possible(objective.given_duration, fastest.duration, fastest.gap)
         asked = scene.model_copy(update={"objective": objective})
-        found = self._nearby(asked, fastest.trajectory) or self._plan_by_limits(asked, under_way)
-        if found.gap > self.good_gap(asked):
+        found = self._nearby(asked, fastest.trajectory)
+        if found is not None:
             found = self.improved(asked, found)
+        elif usual is None:
+            found = self._plan_by_limits(asked, under_way)
+        else:  # once more the usual first motions would lead to as much
+            known: Outcome = usual
+            found = self.at_worst(asked, lambda _: or_raise(known))
         return replace(found, scene=scene, ways=found.ways or fastest.ways)
 
     def _plan_by_limits(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
@@ -220,7 +228,7 @@ class Run(Loop):
             proposals = chain([first], proposals, legs)
         found = self.until_good(scene, proposals)
         if isinstance(found, Plan):
-            return found if found.gap <= self.good_gap(scene) else self.improved(scene, found)
+            return self.improved(scene, found)
         return refused[0] if refused else found
 
     def _leg(self, refused: list[Infeasible], scene: Scene) -> Plan | None:
@@ -315,11 +323,9 @@ class Run(Loop):
             ends = None if scene.task.goal.moves else motion
             first = first_motion(at_rest(scene, ends))
             way = Attempt(scene, first, self.optimiser.intervals)
-            plan, ways = fastest_way(
-                way, motion, self.only_from, self.on_first_mesh, self.good_gap(scene)
-            )
-            plan = plan if plan.gap <= self.good_gap(scene) else self.improved(scene, plan)
-            found.append(replace(plan, scene=scene, ways=ways))
+            enough = self.good_gap(scene)
+            plan, ways = fastest_way(way, motion, self.only_from, self.on_first_mesh, enough)
+            found.append(replace(self.improved(scene, plan), scene=scene, ways=ways))
         except ENDS_AN_ATTEMPT as error:
             failure = error
         if not found or found[0].gap > max(self.optimiser.tolerance, _MISSED):
