@@ -15,11 +15,11 @@ FILE = str(PROBLEMS / "pick_and_place.yaml")
 
 def test_all_tell_the_same(tmp_path, capsys):
     assert main(["plan", FILE, "-o", str(tmp_path), "--no-plot", "--report", "--details"]) == 0
+    page = unescape((tmp_path / "report.html").read_text(encoding="utf-8"))
     said = capsys.readouterr().out
     assert main(["plan", FILE, "-o", str(tmp_path), "--no-plot", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     record = json.loads((tmp_path / "plan.json").read_text(encoding="utf-8"))
-    page = unescape((tmp_path / "report.html").read_text(encoding="utf-8"))
     shared = ("duration", "gap", "tolerance", "ways", "active_limits", "verification")
     assert {name: told[name] for name in shared} == {name: record[name] for name in shared}
     duration, gap = record["duration"], record["gap"]
