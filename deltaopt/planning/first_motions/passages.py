@@ -197,8 +197,8 @@ class _StraightLines:
 
     def room(self, places: Array) -> Array:
         """The room for the platform at rest at places, (N,), negative where they are not clear."""
-        clear = self.are_clear_places(places) & self._have_links_clear(places)
-        return np.where(clear, room_at_rest(self.without, places), -1.0)
+        room = np.where(self.are_clear_places(places), room_at_rest(self.without, places), -1.0)
+        return np.where(self._have_links_clear(places), room, -1.0)
 
     def are_clear_places(self, places: Array) -> Truths:
         """Which places, (N, 3), are clear of bodies, (N,)."""
@@ -243,9 +243,14 @@ class _StraightLines:
         return clear
 
     def _have_links_clear(self, places: Array) -> Truths:
-        """At which places, (N, 3), links that are planned to keep clear of bodies do, (N,)."""
-        distance, _ = planned_distances(self.scene, places)
-        return np.asarray((distance > [each.least for each in self.scene.kept_links]).all(axis=1))
+        """At which places, (N, 3), links that are planned to keep clear of bodies do, (N,); nowhere
+        where the platform cannot be held, as in a singularity."""
+        if not self.scene.planned_links:
+            return np.ones(len(places), np.bool)
+        held = np.asarray(room_at_rest(self.without, places) > _ROUNDING)
+        distance, _ = planned_distances(self.scene, places[held])
+        held[held] = (distance > [each.least for each in self.scene.kept_links]).all(axis=1)
+        return held
 
 
 def _least(distance: Array, onwards: Array, so_far: Array) -> Array:
