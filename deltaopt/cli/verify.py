@@ -206,7 +206,7 @@ def _rows(arguments: argparse.Namespace, joints: Joints) -> ForeignTable:
     if problem := found.implausible():
         expected = "--unit deg is for degrees" if rows.quantity == ANGLES else "are they in mm?"
         raise UnreadableTable(f"{arguments.motion}, {problem}; {expected}")
-    for doubt in filter(None, (found.contradiction(), found.gap())):
+    for doubt in filter(None, (found.contradiction(), found.missing_rows())):
         say(f"{arguments.motion}: {doubt}")
     return found
 

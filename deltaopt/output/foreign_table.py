@@ -96,7 +96,7 @@ class ForeignTable:
                 return f"{given}; are columns in their order, and times in s?"
         return None
 
-    def gap(self) -> str | None:
+    def missing_rows(self) -> str | None:
         """In words the first place where rows seem to be missing of a table of equal steps."""
         steps = np.diff(self.t)
         usual = float(np.median(steps))

@@ -185,7 +185,7 @@ def waiting_motions(scene: Scene, duration: float) -> list[Trajectory]:
     if not scene.task.is_at_rest or scene.task.gates or scene.tube is not None:
         return []
     found = list[Trajectory]()
-    for there, onwards in _by_way_of_rest(scene):
+    for there, onwards in _ways_to_wait(scene):
         slower = min(_UNHURRIED, _MOVING * duration / (there.duration + onwards.duration))
         if slower > 1:
             found.append(_with_wait(there.slowed(slower), onwards.slowed(slower), duration))
@@ -193,7 +193,7 @@ def waiting_motions(scene: Scene, duration: float) -> list[Trajectory]:
 
 
 @lru_cache(maxsize=64)
-def _by_way_of_rest(scene: Scene) -> list[tuple[Trajectory, Trajectory]]:
+def _ways_to_wait(scene: Scene) -> list[tuple[Trajectory, Trajectory]]:
     """Ways by places on the robot's axis where the effort of holding is less than beside them."""
     ways = {i: way for i, depth in enumerate(_WAITING_DEPTHS) if (way := _by_way_of(scene, depth))}
     holding = {i: _holding_effort(way) for i, way in ways.items()}

@@ -76,6 +76,9 @@ distances are not convex along it."""
 _TOUCHED = 1e-6
 """m from a body. A line that touches two leads through where they meet, unless they are touched
 where it begins or ends."""
+_LEAST_ROOM = 1e-12
+"""Room for the platform at rest, without unit, below which links are not looked at: where arms and
+bars are in line their angles are not known."""
 _KNOWN, _ROUNDING = 0.5, 1e-12
 """Least length of the slope of a distance, which is 1 where it is known, and m by which a line may
 be too near to a body: it may begin on one."""
@@ -198,7 +201,7 @@ class _StraightLines:
     def room(self, places: Array) -> Array:
         """The room for the platform at rest at places, (N,), negative where they are not clear."""
         room = np.where(self.are_clear_places(places), room_at_rest(self.without, places), -1.0)
-        return np.where(self._have_links_clear(places), room, -1.0)
+        return np.where(self._have_links_clear(places, room), room, -1.0)
 
     def are_clear_places(self, places: Array) -> Truths:
         """Which places, (N, 3), are clear of bodies, (N,)."""
@@ -237,17 +240,17 @@ class _StraightLines:
         held = room_at_rest(self.without, x[clear].reshape(-1, 3))  # takes longer than distances
         clear[clear] = (held.reshape(-1, len(_BETWEEN)) > 0).all(axis=1)
         if self.scene.planned_links:
-            x = begin + _CLOSELY[:, None] * way[clear][:, None]
-            links = self._have_links_clear(x.reshape(-1, 3))
+            x = (begin + _CLOSELY[:, None] * way[clear][:, None]).reshape(-1, 3)
+            links = self._have_links_clear(x, room_at_rest(self.without, x))
             clear[clear] = links.reshape(-1, len(_CLOSELY)).all(axis=1)
         return clear
 
-    def _have_links_clear(self, places: Array) -> Truths:
+    def _have_links_clear(self, places: Array, room: Array) -> Truths:
         """At which places, (N, 3), links that are planned to keep clear of bodies do, (N,); nowhere
-        where the platform cannot be held, as in a singularity."""
+        where there is no ``room`` for the platform at rest, (N,), as in a singularity."""
         if not self.scene.planned_links:
             return np.ones(len(places), np.bool)
-        held = np.asarray(room_at_rest(self.without, places) > _ROUNDING)
+        held = np.asarray(room > _LEAST_ROOM)
         distance, _ = planned_distances(self.scene, places[held])
         held[held] = (distance > [each.least for each in self.scene.kept_links]).all(axis=1)
         return held
