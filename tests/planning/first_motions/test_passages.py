@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from deltaopt import Scene, load_robot
-from deltaopt.planning.first_motions.passages import shortest_paths
+from deltaopt.planning.first_motions.passages import paths_of_lines, shortest_paths
 from studies.problems import PROBLEMS
 from tests.limits.test_links import lines
 
@@ -45,6 +45,22 @@ def test_paths_of_lines_keep_links_clear_too():
     planned = tuple((link, 0, radius) for link in (1, 3, 5))
     found = scene.model_copy(update={"planned_links": planned})
     assert least_distance_of_forearms(found, low, high) >= radius
+
+
+def test_places_where_arms_and_bars_are_in_line_are_on_no_path():
+    """A grid over all that the robot reaches has such places, where links have no angles."""
+    robot = {"name": "lines", "base_radius": 0.0, "platform_radius": 0.0, "gravity": 0.0}
+    robot |= {"drive": {"torque": 15.0}, "platform": {"mass": 0.5}}
+    robot["upper_arm"] = {"length": 0.25, "mass": 0.0}
+    robot["forearm"] = {"length": 0.6, "mass": 0.0}
+    wall = {"from": [0.04779, -0.02574, -1.16085], "to": [1.56944, 0.20692, 0.62774]}
+    scene = Scene(
+        robot=robot,
+        start=[0.67515, -0.22866, -0.1695],
+        goal=[0.07982, 0.40984, -0.36361],
+        keep_out=[{"box": wall}],
+    )
+    assert list(paths_of_lines(scene.model_copy(update={"planned_links": ((1, 0, 1e-3),)}))) == []
 
 
 def least_distance_of_forearms(scene: Scene, low: np.ndarray, high: np.ndarray) -> float:
