@@ -17,7 +17,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.codegen.compile import library
 from deltaopt.curves.piecewise import Array
@@ -150,39 +149,26 @@ def _largest_changes(h: Array, rows: AffineRows, convex: bool) -> Array:
 def _largest(
     h: Array, rows: AffineRows, change: Array, start: tuple[float, float], goal: float, most: float
 ) -> Array | None:
-    """The largest b at the nodes; None if there are none. Unknown are b, then all u."""
-    cells, ends, m = np.arange(len(h)), np.arange(2 * len(h)), rows.alpha.shape[1]
-    nodes, one = len(h) + 1, np.ones(len(h))
-    first, last = nodes + 2 * cells, nodes + 2 * cells + 1
-    of_ends = m * ends[:, None] + np.arange(m)
-    entries = [  # rows, columns, values: b' = 2 u, the rows, the changes of u
-        *((cells, cells + k, (2 * k - 1) * one) for k in (0, 1)),
-        *((cells, columns, -h) for columns in (first, last)),
-        (len(h) + of_ends, nodes + ends[:, None], rows.alpha),
-        (len(h) + of_ends, (ends[:, None] + 1) // 2, rows.beta),
-        *((len(h) + m * len(ends) + cells, c, s * one) for c, s in ((first, -1), (last, 1))),
+    """The largest b at the nodes, (N + 1,), within ``start`` at the first and at most ``most``;
+    None if there is none."""
+    N, m = len(h), rows.alpha.shape[1]
+    b, u = ca.SX.sym("b", N + 1), ca.SX.sym("u", 2 * N)
+    first, last, at_ends = u[::2], u[1::2], b[np.repeat(range(N + 1), 2)[1:-1].tolist()]
+    alpha, beta, low, high = (ca.DM(each) for each in vars(rows).values())
+    kept = [
+        ca.diff(b) - h * (first + last),  # b' = 2 u
+        ca.vec(alpha * ca.repmat(u, 1, m) + beta * ca.repmat(at_ends, 1, m)),
+        last - first,
     ]
-    shape = (len(h) * (2 + 2 * m), nodes + len(ends))
-    A = _matrix([np.broadcast_arrays(*each) for each in entries], shape)
-    low, high = (
-        np.concatenate([0 * h, bound.ravel(), sign * change])
-        for bound, sign in ((rows.low, -1), (rows.high, 1))
-    )
-    free = np.full(len(ends), np.inf)
-    least = np.concatenate([[start[0]], np.zeros(nodes - 2), [goal], -free])
-    largest = np.concatenate([[start[1]], np.full(nodes - 2, most), [goal], free])
-    program = {"h": ca.Sparsity(shape[1], shape[1]), "a": A.sparsity()}
-    solver = ca.conic("speeds", "highs", program, {"error_on_fail": False, "highs": _OPTIONS})
-    cost = np.concatenate([-np.ones(nodes), np.zeros(len(ends))])
-    found = solver(g=cost, a=A, lba=low, uba=high, lbx=least, ubx=largest)["x"]
-    return np.asarray(found[:nodes]).ravel() if solver.stats()["success"] else None
-
-
-def _matrix(entries: list[tuple[NDArray[np.generic], ...]], shape: tuple[int, int]) -> ca.DM:
-    rows, columns, values = (
-        np.concatenate([each.ravel() for each in of]) for of in zip(*entries, strict=True)
-    )
-    return ca.DM.triplet(rows.tolist(), columns.tolist(), ca.DM(values), *shape)
+    program = {"x": ca.vertcat(b, u), "f": -ca.sum1(b), "g": ca.vertcat(*kept)}
+    solver = ca.qpsol("speeds", "highs", program, {"error_on_fail": False, "highs": _OPTIONS})
+    found = solver(
+        lbx=ca.vertcat(start[0], ca.DM.zeros(N - 1), goal, -ca.DM.inf(2 * N)),
+        ubx=ca.vertcat(start[1], most * ca.DM.ones(N - 1), goal, ca.DM.inf(2 * N)),
+        lbg=ca.vertcat(ca.DM.zeros(N), ca.vec(low), -change),
+        ubg=ca.vertcat(ca.DM.zeros(N), ca.vec(high), change),
+    )["x"]
+    return np.asarray(found[: N + 1]).ravel() if solver.stats()["success"] else None
 
 
 def _accelerations(h: Array, rows: AffineRows, change: Array, b: Array) -> Array:
