@@ -1,8 +1,11 @@
-"""What a cost may count beside the duration: integrals over the motion."""
+"""What a motion is to minimise: its duration, an integral over it, or a weighted sum."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import Enum
+
+from deltaopt.files.validated_record import Vector3
 
 
 class Running(Enum):
@@ -21,3 +24,25 @@ class Running(Enum):
     def __init__(self, integral: str, unit: str, unit_of_weight: str, order: int) -> None:
         self.word, self.integral, self.unit = self.name.lower(), integral, unit
         self.unit_of_weight, self.order = unit_of_weight, order
+
+
+@dataclass(frozen=True)
+class CostFunctional:
+    """What is least: ``time`` · T + ``running`` · ∫ r dt, r being the ``rate``, or the integral
+    alone in a given ``duration``, s. ``motors``: weights of the motors in a weighted effort,
+    1/(N²m²)."""
+
+    time: float = 1.0
+    running: float = 0.0
+    rate: Running = Running.EFFORT
+    duration: float | None = None
+    motors: Vector3 = (1.0, 1.0, 1.0)
+
+    @property
+    def unit(self) -> str:
+        """Of the cost: that of the integral where it is least alone, otherwise that of time."""
+        return "s" if self.time else self.rate.unit
+
+
+LEAST_TIME = CostFunctional()
+"""The duration alone."""

@@ -84,7 +84,8 @@ def _gap(found: Plan) -> str:
     objective, what = found.scene.objective, "longer than the fastest"
     least = ""
     if not isinstance(objective, Time):
-        least, what = f"{objective}: {found.cost:.6g} {objective.unit}, ", "above the least"
+        unit, what = objective.functional.unit, "above the least"
+        least = f"{objective}: {found.cost:.6g} {unit}, "
     missed = "" if found.within_tolerance else f", not the {percent(found.tolerance)} asked for"
     ways, optima = len(found.ways), len(found.optima)
     is_least = problem_of(found.scene).is_least_duration(found.duration)
@@ -133,7 +134,7 @@ def _outcome(scene: Scene, optimum: Optimum) -> str:
     """The duration of a local minimum, and its cost if the objective is not time."""
     if isinstance(scene.objective, Time):
         return f"{optimum.duration:.6f} s"
-    return f"{optimum.cost:.6g} {scene.objective.unit} in {optimum.duration:.6f} s"
+    return f"{optimum.cost:.6g} {scene.objective.functional.unit} in {optimum.duration:.6f} s"
 
 
 def _ways(ways: Sequence[TakenWay]) -> Iterator[str]:

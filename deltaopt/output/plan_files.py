@@ -70,7 +70,7 @@ def content(facts: Facts) -> dict[str, object]:
     found = facts.plan
     return {
         "duration": found.duration,
-        "cost": {"value": found.cost, "unit": found.scene.objective.unit},
+        "cost": {"value": found.cost, "unit": found.scene.objective.functional.unit},
         **{name: finite(getattr(found, name)) for name in _AS_FOUND},
         "certificate": found.certificate and vars(found.certificate),
         "optima": [

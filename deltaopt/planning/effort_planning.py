@@ -32,7 +32,6 @@ from deltaopt.planning.nlp.transcription import QUADRATIC
 from deltaopt.problem.boundary import REST
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
-from deltaopt.scene.objective import Objective
 from deltaopt.scene.scene import Scene
 
 SMOOTH = QUADRATIC
@@ -63,16 +62,17 @@ _ROUGHLY = 1e-4
 """Relative tolerance to which first guesses are solved that are compared."""
 
 
-def cost_to_minimise(objective: Objective, scaling: Scaling) -> Cost:
-    """The cost of a nonlinear program for an objective, scaled to the order of one."""
-    (by_time, by_rate), rate = objective.weights, objective.rate
+def cost_to_minimise(scaling: Scaling) -> Cost:
+    """The cost of a nonlinear program for a problem, scaled to the order of one."""
+    objective = scaling.problem.objective
+    rate = objective.rate
     largest, unit = float(scaling.torque.max()), 1.0
     if rate is Running.JERK:
         unit = scaling.length**2 / scaling.time**6
-    if not by_rate:
+    if not objective.running:
         return fastest(scaling.problem)
-    if by_time:
-        return Cost(1.0, by_rate / by_time * unit, rate=rate)
+    if objective.time:
+        return Cost(1.0, objective.running / objective.time * unit, rate=rate)
     typical = {
         Running.EFFORT: largest**2,
         Running.WEIGHTED_EFFORT: 1.0,

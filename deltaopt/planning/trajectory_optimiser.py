@@ -95,7 +95,7 @@ class TrajectoryOptimiser:
     def plan(self, attempt: Attempt, report: Progress) -> Plan:
         """Plan the best motion from one first guess and one first mesh."""
         objective, given = attempt.scene.objective, attempt.scene.objective.given_duration
-        is_free = bool(objective.weights[0])
+        is_free = bool(objective.functional.time)
         takes_as_long = given is not None and isclose(attempt.motion.duration, given)
         is_known = attempt.is_near and (is_free or takes_as_long)
         if isinstance(objective, Time) or is_known:
@@ -140,7 +140,7 @@ class TrajectoryOptimiser:
         scene, problem = attempt.scene, attempt.problem
         is_fastest = not problem.objective.running
         refinement = Refinement(
-            self.program(scaling, cost_to_minimise(scene.objective, scaling)),
+            self.program(scaling, cost_to_minimise(scaling)),
             scaling,
             self.tolerance,
             self._resolver(scaling, report),
@@ -233,9 +233,9 @@ class TrajectoryOptimiser:
         else:
             guess = in_longer_time(attempt.problem, fastest.trajectory, duration)
         scaling = attempt.scaling(guess, duration)
-        program = self.program(scaling, cost_to_minimise(scene.objective, scaling))
+        program = self.program(scaling, cost_to_minimise(scaling))
         intervals = attempt.intervals
-        if objective.order == 3 and given is not None:
+        if objective.rate.order == 3 and given is not None:
             intervals = max(intervals, least_for_ramps(given / shortest - 1))
         slowed = Beginning(guess, replace(attempt, motion=guess, intervals=intervals).mesh)
         starts = beginnings(scene, program, scaling, slowed, self.intervals)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from deltaopt.problem.problem import Objective, Problem
+from deltaopt.problem.problem import Problem
 from deltaopt.robot.model import model_of
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.scene import Scene
@@ -22,8 +22,6 @@ def problem_of(scene: Scene) -> Problem:
         model=model_of(scene.robot, scene.payload),
         limits=limits_of(scene).with_cost(objective.rate),
         boundaries=(task.start, *task.gates, task.goal),
-        objective=Objective(
-            *objective.weights, objective.rate, objective.given_duration, objective.motors
-        ),
+        objective=objective.functional,
         least_duration=scene.least_duration,
     )

@@ -9,32 +9,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import dist
 
-from deltaopt.files.validated_record import Vector3
-from deltaopt.limits.running_cost import Running
+from deltaopt.limits.running_cost import LEAST_TIME, CostFunctional
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.problem.boundary import Boundary
 from deltaopt.robot.machine import Model
 
 _ROUNDING = 1e-9
 """Relative difference of two durations that are the same but for rounding."""
-
-
-@dataclass(frozen=True)
-class Objective:
-    """What is least: ``time`` · T + ``running`` · ∫ r dt, r being the ``rate``, or the integral
-    alone in a given ``duration``, s. ``motors``: weights of the motors in a weighted effort,
-    1/(N²m²)."""
-
-    time: float = 1.0
-    running: float = 0.0
-    rate: Running = Running.EFFORT
-    duration: float | None = None
-    motors: Vector3 = (1.0, 1.0, 1.0)
-
-    @property
-    def unit(self) -> str:
-        """Of the cost: that of the integral where it is least alone, otherwise that of time."""
-        return "s" if self.time else self.rate.unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +30,7 @@ class Problem:
     model: Model
     limits: SceneLimits
     boundaries: tuple[Boundary, ...]
-    objective: Objective = Objective()
+    objective: CostFunctional = LEAST_TIME
     least_duration: float = 0.0
 
     @cached_property

@@ -28,8 +28,8 @@ from deltaopt.files.units import (
     TORQUE_RATE_WEIGHT,
     percentage,
 )
-from deltaopt.files.validated_record import NonNegative, Positive, Record, Vector3, optional
-from deltaopt.limits.running_cost import Running
+from deltaopt.files.validated_record import NonNegative, Positive, Record, optional
+from deltaopt.limits.running_cost import LEAST_TIME, CostFunctional, Running
 
 Weight = Annotated[NonNegative, EFFORT_WEIGHT]
 EXPECTED = (
@@ -48,34 +48,19 @@ class _Weighted(Record):
     rate: ClassVar[Running] = Running.EFFORT
 
     @property
-    def unit(self) -> str:
-        """Unit of the objective's value."""
-        return "s"
+    @abstractmethod
+    def functional(self) -> CostFunctional:
+        """What is minimised, as numbers."""
 
     @property
     def given_duration(self) -> float | None:
         """The duration of the motion in s, if the objective fixes it; None if it is free."""
-        return None
+        return self.functional.duration
 
     @property
     def is_share(self) -> bool:
         """Whether the duration of the motion is a share of the fastest one's."""
-        return not self.weights[0] and self.given_duration is None
-
-    @property
-    def motors(self) -> Vector3:
-        """The weights of the motors in a weighted effort, 1/(N²m²); of no account in others."""
-        return 1.0, 1.0, 1.0
-
-    @property
-    @abstractmethod
-    def weights(self) -> tuple[float, float]:
-        """The weights of the duration and of the integral."""
-
-    @property
-    def order(self) -> int:
-        """The highest derivative of position that the objective depends on, 2 at least."""
-        return self.rate.order
+        return not self.functional.time and self.given_duration is None
 
     def after(self, fastest: float) -> Objective:
         """This objective with its duration in s, where the fastest motion takes so long, s."""
@@ -95,8 +80,8 @@ class Time(_Weighted):
     """
 
     @property
-    def weights(self) -> tuple[float, float]:
-        return 1.0, 0.0
+    def functional(self) -> CostFunctional:
+        return LEAST_TIME
 
     def __str__(self) -> str:
         return "least time"
@@ -117,16 +102,8 @@ class _InTime(_Weighted):
         return self
 
     @property
-    def unit(self) -> str:
-        return self.rate.unit
-
-    @property
-    def given_duration(self) -> float | None:
-        return self.duration
-
-    @property
-    def weights(self) -> tuple[float, float]:
-        return 0.0, 1.0
+    def functional(self) -> CostFunctional:
+        return CostFunctional(0.0, 1.0, self.rate, self.duration)
 
     def after(self, fastest: float) -> Objective:
         return self.alone(self.duration or (self.of_fastest or 1.0) * fastest)
@@ -179,13 +156,13 @@ class _WithTime(_Weighted):
     )
 
     @property
-    def weights(self) -> tuple[float, float]:
-        return self.time, getattr(self, self.rate.word)
+    def functional(self) -> CostFunctional:
+        return CostFunctional(self.time, getattr(self, self.rate.word), self.rate)
 
     def __str__(self) -> str:
-        time, weight = self.weights
-        integral = self.rate.integral[self.rate.integral.index("∫") :]
-        return f"least {time:g} T + {weight:g} {self.rate.unit_of_weight} · {integral}"
+        weight, integral = self.functional.running, self.rate.integral
+        integral = integral[integral.index("∫") :]
+        return f"least {self.time:g} T + {weight:g} {self.rate.unit_of_weight} · {integral}"
 
 
 class TimeAndEffort(_WithTime):
@@ -216,12 +193,8 @@ class TimeAndEfforts(_WithTime):
     rate = Running.WEIGHTED_EFFORT
 
     @property
-    def motors(self) -> Vector3:
-        return self.effort
-
-    @property
-    def weights(self) -> tuple[float, float]:
-        return self.time, 1.0
+    def functional(self) -> CostFunctional:
+        return CostFunctional(self.time, 1.0, self.rate, motors=self.effort)
 
     @model_validator(mode="after")
     def _counts_a_motor(self) -> Self:

@@ -279,7 +279,7 @@ class Scene(Record):
     def has_rates(self) -> bool:
         """Whether limits of jerk or torque rate, or their cost, make acceleration continuous."""
         is_limited = any(limit.order == 3 and limit.items(self) for limit in LIMITS)
-        return is_limited or self.objective.order == 3
+        return is_limited or self.objective.rate.order == 3
 
     @property
     def with_least_payload(self) -> Scene:

@@ -219,7 +219,7 @@ def _priced(plan: Plan, mesh: Array) -> PricedMotion:
         scaling = _with_switches(scaling, motion)
     mesh = split(mesh, problem.together)
     scaling = first_tightening(scaling, motion, mesh)
-    program = optimiser.program(scaling, cost_to_minimise(scene.objective, scaling))(mesh)
+    program = optimiser.program(scaling, cost_to_minimise(scaling))(mesh)
     found, solved = None, 1.0
     for accuracy in (_ACCURACIES[-1], *_ACCURACIES):
         guess = Guess(motion, near=True, tolerance=accuracy, on_its_mesh=True)

@@ -185,7 +185,7 @@ def _fitted(scene: Scene, trajectory: Trajectory) -> Extremal:
     by_held = np.linalg.inv(held_by_motion[..., 6:])  # of the acceleration, (K, c, 3, 3)
     slopes = -by_held @ held_by_motion[..., :6]  # of it by (X, V), (K, c, 3, 6)
     share_slopes = by_motion[:, :, :3, :6] + by_motion[:, :, :3, 6:] @ slopes
-    time, effort = scene.objective.weights
+    time, effort = scene.objective.functional.time, scene.objective.functional.running
     rate = time + effort * (torque**2).sum(axis=2)
     mean = float(lengths @ (rate[:, 1:-1] @ collocation(_STAGES).weights)) / T
     by_share = 2 * effort / mean * (limit * torque)[..., None, :]  # ∂r/∂u, a row

@@ -21,16 +21,15 @@ from math import factorial, sqrt
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.limits.running_cost import Running
+from deltaopt.limits.running_cost import CostFunctional, Running
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.problem.problem import Objective
 
 _CONTINUOUS, _END = 1 / 6, 1 / sqrt(3)
 """What torques that may not jump miss, as a share of how far they bend within an interval; in the
 first and the last the root of the mean square of a straight line that falls from 1 to 0."""
 
 
-def missed_cost(trajectory: Trajectory, objective: Objective, jumping: int) -> Array:
+def missed_cost(trajectory: Trajectory, objective: CostFunctional, jumping: int) -> Array:
     """The estimated excess of the integral in an objective over that of the best motion, in each
     interval, (N,), in the unit of the integral. ``jumping``: which derivative of the position may
     jump at knots."""
@@ -60,7 +59,9 @@ def missed_cost(trajectory: Trajectory, objective: Objective, jumping: int) -> A
     return squares * lengths
 
 
-def hidden_cost(trajectory: Trajectory, hidden: Array, at: Array, objective: Objective) -> Array:
+def hidden_cost(
+    trajectory: Trajectory, hidden: Array, at: Array, objective: CostFunctional
+) -> Array:
     """How much the integral of torques squared changes in each interval, (N,), N²m²s, where a mesh
     sees torques smaller by ``hidden``, (N · fractions, motors), N·m, at fractions ``at``."""
     tau, lengths = trajectory.inside_intervals(at).tau, np.diff(trajectory.knots)
