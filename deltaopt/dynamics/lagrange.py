@@ -30,10 +30,7 @@ class Explicit(Projected):
 
 @dataclass(frozen=True)
 class Multiplier(Formulation):
-    """Model L_I: one multiplier for each constraint, eq. (37).
-
-    ``solver``: of its linear system; ``LeastNorm`` where constraints may be redundant.
-    """
+    """Model L_I: one multiplier for each constraint, eq. (37). ``solver``: of its linear system."""
 
     solver: LinearSolver = solve
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cache
 
 import casadi as ca
@@ -66,64 +65,35 @@ def solve_scalars(A: SX, B: SX) -> SX:
     return ca.solve(R, rhs)  # back-substitution: R is structurally triangular
 
 
-@dataclass(frozen=True)
-class LeastNorm:
-    """A ``LinearSolver`` for matrices that may be singular: the least of the best x.
+class _SingularDirections(ca.Callback):
+    """``singular_directions``, evaluated by LAPACK at run time: it neither expands to scalars nor
+    has derivatives but differences."""
 
-    By singular values; those below ``tolerance`` times the largest count as zero. Evaluated
-    by LAPACK at run time: it neither expands to scalars nor has derivatives.
-    """
-
-    tolerance: float
-
-    def __call__(self, A: ca.MX, b: ca.MX) -> ca.MX:
-        return _least_norm(A.shape[0], self.tolerance)(A, b)
-
-
-class _InNumPy(ca.Callback):
-    """A function of NumPy as one of CasADi, from matrices of some shapes to others."""
-
-    def __init__(
-        self,
-        of: Callable[..., list[Array]],
-        given: Sequence[tuple[int, int]],
-        found: Sequence[tuple[int, int]],
-    ) -> None:
+    def __init__(self, rows: int, columns: int, free: int, tolerance: float) -> None:
         super().__init__()
-        self._of, self._given, self._found = of, given, found
+        self._given, self._found = (rows, columns), ((columns, rows), (columns, free))
+        self._tolerance = tolerance
         # Integrators ask for a derivative even if they never call it.
-        self.construct("in_numpy", {"enable_fd": True})
-
-    def get_n_in(self) -> int:
-        return len(self._given)
+        self.construct("singular_directions", {"enable_fd": True})
 
     def get_n_out(self) -> int:
         return len(self._found)
 
-    def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(*self._given[i])
+    def get_sparsity_in(self, _: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(*self._given)
 
     def get_sparsity_out(self, i: int) -> ca.Sparsity:
         return ca.Sparsity.dense(*self._found[i])
 
     def eval(self, arguments: Sequence[ca.DM]) -> list[Array]:
-        given = [np.asarray(x.full()) for x in arguments]
-        if not all(np.isfinite(each).all() for each in given):
+        A = np.asarray(arguments[0].full())
+        if not np.isfinite(A).all():
             return [np.full(shape, np.nan) for shape in self._found]
-        return self._of(*given)
-
-
-@cache
-def _least_norm(n: int, tolerance: float) -> ca.Function:
-    """A, b -> x by NumPy's least squares: much faster than a whole decomposition.
-
-    Cached, for CasADi does not keep what it calls back alive.
-    """
-
-    def least(A: Array, b: Array) -> list[Array]:
-        return [np.asarray(np.linalg.lstsq(A, b, rcond=tolerance)[0], np.float64)]
-
-    return _InNumPy(least, [(n, n), (n, 1)], [(n, 1)])
+        U, sigma, V_T = np.linalg.svd(A)
+        columns, free = self._found[1]
+        across = columns - free
+        rank = min(across, int(np.sum(sigma > self._tolerance * sigma[0])))
+        return [(V_T[:rank].T / sigma[:rank]) @ U[:, :rank].T, V_T[across:].T]
 
 
 @cache
@@ -134,11 +104,4 @@ def singular_directions(rows: int, columns: int, free: int, tolerance: float) ->
     and across whatever else has a singular value below ``tolerance`` times the largest.
     Cached, for CasADi does not keep what it calls back alive.
     """
-
-    def directions(A: Array) -> list[Array]:
-        U, sigma, V_T = np.linalg.svd(A)
-        across = columns - free
-        rank = min(across, int(np.sum(sigma > tolerance * sigma[0])))
-        return [(V_T[:rank].T / sigma[:rank]) @ U[:, :rank].T, V_T[across:].T]
-
-    return _InNumPy(directions, [(rows, columns)], [(columns, rows), (columns, free)])
+    return _SingularDirections(rows, columns, free, tolerance)

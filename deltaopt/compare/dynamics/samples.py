@@ -9,13 +9,14 @@ from deltaopt.compare.dynamics.many_digits import ManyDigits, Matrix
 from deltaopt.compare.dynamics.models import FORWARD, Computation, StateSamples, written_out
 from deltaopt.compare.dynamics.printed import PAPER
 from deltaopt.curves.piecewise import Array
-from deltaopt.dynamics.consistency import Projector
 from deltaopt.dynamics.formulation import state
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import Mechanism
 
 NEAR_HOME = np.array([0.45, 0.0, 0.0, *3 * [-0.232, -2.20, 0.0]])
 """Roughly the q of the platform at (0.45, 0, 0) m, m and rad."""
+_STEPS = 6
+"""Of Newton's method until a neighbour's q is on the constraints to all digits of doubles."""
 
 
 def exact_samples(mechanism: Mechanism, count: int, exact: ManyDigits) -> StateSamples:
@@ -25,7 +26,7 @@ def exact_samples(mechanism: Mechanism, count: int, exact: ManyDigits) -> StateS
     many digits at last; torques are chosen at random; q̈ follows from L_I's linear system.
     Only then are they rounded.
     """
-    m, p, projector = mechanism, np.asarray(ca.DM(PAPER.vector())).ravel(), Projector(mechanism)
+    m, p = mechanism, np.asarray(ca.DM(PAPER.vector())).ravel()
     results = [m.holonomic, m.constraint_rate, m.J]
     constraints = ca.Function("constraints", [*state(m), m.parameters], results)
     inputs, *results = FORWARD.big_system(m)
@@ -43,7 +44,10 @@ def exact_samples(mechanism: Mechanism, count: int, exact: ManyDigits) -> StateS
     for _ in range(count):
         guess = NEAR_HOME + rng.uniform(-1, 1, n) * np.repeat([0.12, 0.3], [3, n - 3])
         speeds = rng.uniform(-1, 1, n) * np.repeat([1.0, 5.0], [3, n - 3])
-        q, dq = onto_constraints(*map(exact.matrix, projector(0.0, guess, speeds, p)))
+        for _ in range(_STEPS):
+            f, _, J = (each.full() for each in constraints(0.0, guess, speeds, p))
+            guess -= np.linalg.lstsq(J, f.ravel())[0]
+        q, dq = onto_constraints(exact.matrix(guess), exact.matrix(speeds))
         tau = exact.matrix(rng.uniform(-5, 5, m.controls.numel()))
         ddq = exact.solve(*exact.evaluate(system, [0.0], q, dq, tau, p))[:n]
         rows.append([rounded(each) for each in (q, dq, ddq, tau)])
