@@ -181,6 +181,7 @@ def _five_bar_system() -> ScaledMechanism:
         time=time,
         energy=torque * angle,
         torque=ca.vertcat(torque, torque),
+        motors=SX(0, 1),
     )
     rows = ca.vertcat(m.controls / torque, ca.sin(m.q[2::2] - m.q[3::2]) ** 2 - opening - 1)
     inputs = [m.q, m.dq, m.ddq, m.controls, ca.vertcat(scales, m.parameters)]

@@ -25,7 +25,6 @@ from deltaopt.planning.formulations.loop_closure import LoopClosure
 from deltaopt.planning.formulations.scaled_mechanism import (
     BoundaryValues,
     ScaledMechanism,
-    units_at,
 )
 from deltaopt.planning.nlp.points import Layout, PointFunction, Points
 from deltaopt.planning.nlp.problem import FASTEST, Cost, effort_of
@@ -160,7 +159,7 @@ class CollocationProblem:
         """The rows of velocities and places that are not fixed as variables, for they change with
         the duration: V - T · rate = 0 and, of a goal that drifts, X - T · drift = goal."""
         system, v = self.equations.system, self.variables
-        units, m, nu = units_at(system, ends.p), v.components, len(system.independent)
+        units, m, nu = system.units_at(ends.p), v.components, len(system.independent)
         which, last = self.equations.coordinates, v.number - 2 * m - 1
         at_goal = [which.index(i) for i in system.independent]
         rates, drift = np.broadcast_to(ends.rates, (2, nu)), np.broadcast_to(ends.drift, nu)
@@ -256,7 +255,7 @@ class CollocationProblem:
         """The variables that approximate a motion of ξ (m, rad and s) on this mesh; torques are
         clipped to their limits."""
         system, v = self.equations.system, self.variables
-        units, T = units_at(system, ends.p), float(position.knots[-1])
+        units, T = system.units_at(ends.p), float(position.knots[-1])
 
         def at(function: ca.Function, fractions: Array) -> tuple[Array, ...]:
             xi = [position.at(fractions * T, order) for order in range(3)]
@@ -273,11 +272,11 @@ class CollocationProblem:
         w = np.clip(tau / units.torque, -1, 1)
         if self.equations.multipliers:
             w = np.hstack([w, lam * units.closure / units.energy])
-        return v.pack(X, V, A, w, T / units.time)
+        return v.pack(X, V, A, w, float(T / units.time))
 
     def unpack(self, z: Array, ends: BoundaryValues) -> PiecewisePolynomial:
         """The polynomials of the coordinates that the variables describe, in m, rad and s."""
-        units = units_at(self.equations.system, ends.p)
+        units = self.equations.system.units_at(ends.p)
         T = z[-1] * units.time
         coefficients = self.variables.coefficients(z) * units.q[list(self.equations.coordinates)]
         coefficients /= np.vander([T], coefficients.shape[1], increasing=True).T
@@ -285,7 +284,7 @@ class CollocationProblem:
 
     def torques(self, z: Array, ends: BoundaryValues) -> Array:
         """Torques at the points that have them, (N, points, motors), N·m."""
-        limits = units_at(self.equations.system, ends.p).torque
+        limits = self.equations.system.units_at(ends.p).torque
         return self.variables.algebraic(z)[:, :, : self.equations.system.motors] * limits
 
     def bounds(self, ends: BoundaryValues, shares: Array | None = None) -> tuple[Array, Array]:
@@ -297,7 +296,7 @@ class CollocationProblem:
         """
         system, v = self.equations.system, self.variables
         which = list(self.equations.coordinates)
-        q = units_at(system, ends.p).q
+        q = system.units_at(ends.p).q
         upper = np.full(v.number, np.inf)
         limits = np.full((v.intervals, 1, v.unknowns), np.inf)
         share = 1.0 if shares is None else shares[:, None, system.limits.is_control]

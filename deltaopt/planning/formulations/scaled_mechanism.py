@@ -6,8 +6,9 @@ Delta and the five-bar share the code of all formulations.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
+from typing import Generic, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -17,22 +18,24 @@ from deltaopt.dynamics.constraint_matrix import ClosedForm
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX, Mechanism
 
+Quantity = TypeVar("Quantity")
+
 
 @dataclass(frozen=True)
-class ScaledUnits:
-    """The units that bring variables and equations to the order of one, as expressions.
+class ScaledUnits(Generic[Quantity]):
+    """The units that bring variables and equations to the order of one: expressions, or numbers.
 
     ``q``: of the coordinates, n. ``closure``: of the constraints f, γ. ``time``: s. ``energy``: J;
     the unit of a generalized force is that of energy over that of its coordinate. ``torque``: of
     the motors, m, N·m. ``motors``: their weights in a weighted effort, 1/(N²m²); none elsewhere.
     """
 
-    q: SX
-    closure: SX
-    time: SX
-    energy: SX
-    torque: SX
-    motors: SX = field(default_factory=lambda: SX(0, 1))
+    q: Quantity
+    closure: Quantity
+    time: Quantity
+    energy: Quantity
+    torque: Quantity
+    motors: Quantity
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,7 @@ class ScaledMechanism:
     independent: tuple[int, ...]
     kinematics: ca.Function
     scales: SX
-    units: ScaledUnits
+    units: ScaledUnits[SX]
     limits: LimitRows
     explicit: ca.Function | None = None
 
@@ -146,11 +149,13 @@ class ScaledMechanism:
         results = inverse(0, *self.motion(*x, self.p), m.parameters)
         return ca.Function("inverse_dynamics", [*x, self.p], list(results))
 
+    def units_at(self, p: Array) -> ScaledUnits[Array]:
+        """The units for values p of the parameters."""
+        return ScaledUnits(*(np.squeeze(unit.full()) for unit in self._units_of_p(p)))
+
     @cached_property
-    def magnitudes(self) -> ca.Function:
-        """p -> the units of q (n), of f (γ), of time, energy and torque (m)."""
-        u = self.units
-        return ca.Function("magnitudes", [self.p], [u.q, u.closure, u.time, u.energy, u.torque])
+    def _units_of_p(self) -> ca.Function:
+        return ca.Function("units", [self.p], list(vars(self.units).values()))
 
     def rows(self, function: ca.Function, *columns: Array, p: Array) -> tuple[Array, ...]:
         """Evaluate a function of (column …, p) for N rows of each: (N, i) each -> (N, o) each."""
@@ -161,22 +166,3 @@ class ScaledMechanism:
         """The coordinates q, (n,), for the independent ones ξ, (ν,)."""
         q = self.kinematics(xi, p[self.scales.numel() :])
         return np.asarray(q.full()).ravel()
-
-
-@dataclass(frozen=True)
-class UnitValues:
-    """``ScaledUnits`` as numbers."""
-
-    q: Array
-    closure: Array
-    time: float
-    energy: float
-    torque: Array
-
-
-def units_at(system: ScaledMechanism, p: Array) -> UnitValues:
-    """The units of a scaled mechanism for values p of its parameters."""
-    q, closure, time, energy, torque = (
-        np.asarray(r.full()).ravel() for r in system.magnitudes.call([ca.DM(p)])
-    )
-    return UnitValues(q, closure, float(time[0]), float(energy[0]), torque)
