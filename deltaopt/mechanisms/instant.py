@@ -8,18 +8,14 @@ of a lighter payload, or symbols.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TypeVar
 
 import casadi as ca
 
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.mechanisms.functions import Functions
-
-Given = TypeVar("Given")
-_JERK = "the jerk of the motion is"
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +55,7 @@ class PlatformInstant:
     @property
     def j(self) -> SX:
         """Jerk of the platform, 3, m/s³."""
-        return _known(self.jerk, _JERK)
+        return _known(self.jerk)
 
     @cached_property
     def dtau(self) -> SX:
@@ -149,9 +145,9 @@ class CoordinateInstant:
     derivatives ``dq`` and ``ddq`` by time, and the actuators' forces or torques ``tau``, 3, N or
     N·m.
 
-    ``torques``: mass of the payload added, kg -> the motor torques with it, where these are known.
-    ``rates``: the same -> their rates, and the actuators' jerks. ``jerk``: of the platform, m/s³.
-    What is not known raises ValueError when it is asked for.
+    ``p``: parameters. ``torques``: (x, v, a, p) -> the same forces or torques, from which follow
+    their rates and what they are with another payload. ``jerk``: of the platform, m/s³; None where
+    nothing depends on it.
     """
 
     def __init__(
@@ -161,8 +157,8 @@ class CoordinateInstant:
         dq: SX,
         ddq: SX,
         tau: SX,
-        torques: Callable[[float], SX] | None = None,
-        rates: Callable[[float], tuple[SX, SX]] | None = None,
+        p: SX,
+        torques: ca.Function,
         jerk: SX | None = None,
     ) -> None:
         self.q, own = q, functions.motors
@@ -171,58 +167,58 @@ class CoordinateInstant:
         self.alignment, self.tilt = functions.alignments(q), functions.tilts(q)
         self.parallel_margin = functions.parallel_margin(q)
         self.tilt_margin = functions.tilt_margin(q)
-        self._torques, self._given_rates, self._jerk = torques, rates, jerk
+        self._functions, self._p, self._torques, self._jerk = functions, p, torques, jerk
 
     @classmethod
     def general(
         cls, functions: Functions, x: SX, v: SX, a: SX, p: SX, jerk: SX | None = None
     ) -> CoordinateInstant:
         """From the platform's motion, by the general derivation in twelve coordinates."""
-        inverse = functions.inverse_dynamics.expand()
         q, dq, ddq = functions.motion(x, v, a, p)
-
-        def with_more(added: float) -> SX:
-            return p + ca.DM([added * (i == functions.payload) for i in range(p.numel())])
-
-        def torques(added: float) -> SX:
-            return inverse(x, v, a, with_more(added))[0]
-
-        def rates(added: float) -> tuple[SX, SX]:
-            motion, change = [x, v, a], [v, a, _known(jerk, _JERK)]
-            torque_rate = _rates(inverse, motion, change, with_more(added))[0]
-            third = _rates(functions.motion, motion, change, p)[2]
-            return torque_rate, third[functions.motors]
-
-        return cls(functions, q, dq, ddq, inverse(x, v, a, p)[0], torques, rates, jerk)
+        torques = functions.inverse_dynamics.expand()
+        return cls(functions, q, dq, ddq, torques(x, v, a, p)[0], p, torques, jerk)
 
     @property
     def j(self) -> SX:
         """Jerk of the platform, 3, m/s³."""
-        return _known(self._jerk, _JERK)
+        return _known(self._jerk)
 
     @property
     def dtau(self) -> SX:
         """Rates of the actuators' forces or torques, 3, N/s or N·m/s."""
-        return self._known_rates(0.0)[0]
+        return _rates(self._torques, *self._motion, self._p)[0]
 
     @property
     def dtau_per_payload(self) -> SX:
         """By how much these rates grow with the payload's mass, 3."""
-        return self._known_rates(1.0)[0] - self.dtau
+        return _rates(self._torques, *self._motion, self._heavier)[0] - self.dtau
 
     @property
     def dddtheta(self) -> SX:
         """Jerks of the actuators, 3."""
-        return self._known_rates(0.0)[1]
-
-    def _known_rates(self, added: float) -> tuple[SX, SX]:
-        return _known(self._given_rates, "the rates of the torques are")(added)
+        functions = self._functions
+        return _rates(functions.motion, *self._motion, self._p)[2][functions.motors]
 
     @property
     def tau_per_payload(self) -> SX:
         """By how much the actuators' forces grow with the payload's mass, 3."""
-        torques = _known(self._torques, "the torques with another payload are")
-        return torques(1.0) - torques(0.0)
+        heavier, same = (
+            self._torques.call([self.x, self.v, self.a, p])[0] for p in (self._heavier, self._p)
+        )
+        return heavier - same
+
+    @property
+    def _heavier(self) -> SX:
+        """The parameters with 1 kg more payload."""
+        p, payload = SX(self._p), self._functions.payload
+        assert payload is not None
+        p[payload] += 1.0
+        return p
+
+    @property
+    def _motion(self) -> tuple[list[SX], list[SX]]:
+        """The platform's position and its two derivatives, and the rates of these."""
+        return [self.x, self.v, self.a], [self.v, self.a, self.j]
 
 
 class AnyInstant:
@@ -287,11 +283,11 @@ Instant = PlatformInstant | CoordinateInstant | LighterInstant | AnyInstant
 """What a limit may depend on; ``AnyInstant`` lists it."""
 
 
-def _known(given: Given | None, what: str) -> Given:
-    """What is given. Raises ValueError where it is not, with the words that begin so."""
-    if given is None:
-        raise ValueError(f"{what} not known")
-    return given
+def _known(jerk: SX | None) -> SX:
+    """The jerk. Raises ValueError where it is not given."""
+    if jerk is None:
+        raise ValueError("the jerk of the motion is not known")
+    return jerk
 
 
 def _rates(function: ca.Function, of: Sequence[SX], by: Sequence[SX], p: SX) -> list[SX]:

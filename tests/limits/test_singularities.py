@@ -49,7 +49,8 @@ def any_motion(scene):
     """An instant whose coordinates are symbols."""
     symbols = [ca.SX.sym(name, 12) for name in ("q", "dq", "ddq")]
     functions = delta_model(scene.robot, None).functions
-    return CoordinateInstant(functions, *symbols, ca.SX.sym("tau", 3))
+    tau, p = ca.SX.sym("tau", 3), functions.symbols()
+    return CoordinateInstant(functions, *symbols, tau, p, functions.explicit_torques)
 
 
 def test_measure_of_tilt_is_the_volume_of_the_normals():

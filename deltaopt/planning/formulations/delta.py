@@ -71,11 +71,7 @@ def _limit_rows(
         return PlatformInstant(functions, x, v, a, p, tau)
 
     def of_all(q: SX, dq: SX, ddq: SX, tau: SX) -> Instant:
-        def torques(added: float) -> SX:
-            more = ca.DM([added * (i == functions.payload) for i in range(p.numel())])
-            return PlatformInstant(functions, q[:3], dq[:3], ddq[:3], p + more).tau
-
-        return CoordinateInstant(functions, q, dq, ddq, tau, torques)
+        return CoordinateInstant(functions, q, dq, ddq, tau, p, functions.explicit_torques)
 
     return LimitRows(
         rows("limits", len(functions.lengths), of_all),
