@@ -78,7 +78,7 @@ class Quantity:
     def _too_large(self, value: object, number: float) -> Misread:
         """What is wrong with a value that is a number of this size in the SI unit."""
         plausible = f"where at most {self.most:.4g} is plausible"
-        problem = f"would be {number:.6g} {_in_words(self.unit)}, {plausible}"
+        problem = f"would be {number:.6g} {self.unit}, {plausible}"
         problem = problem if self.unit else f"is too large, {plausible}"
         return Misread(value, problem, "" if isinstance(value, str) else self._meant(number))
 
@@ -87,7 +87,7 @@ class Quantity:
         for unit in self.datasheets:
             read = self._number(f"{float(number)!r} {unit}")
             if isinstance(read, float) and abs(read) <= self.most:
-                return f"; {_in_words(unit)} need a unit: {number:.6g} {_in_words(unit)}"
+                return f"; {unit} need a unit: {number:.6g} {unit}"
         return ""
 
     def _number(self, text: str) -> float | str:
@@ -100,8 +100,8 @@ class Quantity:
             return float(number)
         factor = next(filter(None, (_factor(unit, si) for si in (self.unit, *self.others))), None)
         if factor is None:
-            unit = _in_words(self.unit) or "a number without unit"
-            raise Misread(text, f"cannot be converted to {unit}")
+            expected = self.unit or "a number without unit"
+            raise Misread(text, f"cannot be converted to {expected}")
         return float(number * factor)
 
 
@@ -155,10 +155,6 @@ def _registry() -> Any:
 _SHARE = Quantity("")
 
 
-def _in_words(unit: str) -> str:
-    return unit.replace("**", "^")
-
-
 LENGTH = Quantity("m", (), 10.0, ("mm",))
 WIDTH = Quantity("m", (), 1.0, ("mm",))
 """How wide a part of a robot, a gap or a rounding is."""
@@ -173,21 +169,21 @@ SPEED = Quantity("m/s", (), 100.0, ("mm/s",))
 ANGULAR_SPEED = Quantity("rad/s", (), 700.0, ("deg/s", "rpm"))
 """Of a gripper or an arm, which may be at a motor's shaft, without a gear."""
 MOTOR_SPEED = Quantity("rad/s", (), 2500.0, ("rpm",))
-ACCELERATION = Quantity("m/s**2", (), 1e4, ("mm/s^2",))
-GRAVITY = Quantity("m/s**2", (), 100.0, ("mm/s^2",))
-ANGULAR_ACCELERATION = Quantity("rad/s**2", (), 1e4, ("deg/s^2",))
-INERTIA = Quantity("kg*m**2", (), 50.0, ("kg*cm^2", "g*cm^2"))
-ROTOR_INERTIA = Quantity("kg*m**2", (), 2.0, ("kg*cm^2", "g*cm^2"))
+ACCELERATION = Quantity("m/s^2", (), 1e4, ("mm/s^2",))
+GRAVITY = Quantity("m/s^2", (), 100.0, ("mm/s^2",))
+ANGULAR_ACCELERATION = Quantity("rad/s^2", (), 1e4, ("deg/s^2",))
+INERTIA = Quantity("kg*m^2", (), 50.0, ("kg*cm^2", "g*cm^2"))
+ROTOR_INERTIA = Quantity("kg*m^2", (), 2.0, ("kg*cm^2", "g*cm^2"))
 """Of a motor, a brake or a gear at the motor's side."""
 TORQUE = Quantity("N*m", (), 5000.0, ("N*mm",))
 MOTOR_TORQUE = Quantity("N*m", (), 500.0, ("N*mm",))
 TORQUE_RATE = Quantity("N*m/s", (), 1e8, ("N*mm/s",))
-JERK = Quantity("m/s**3", (), 1e7, ("mm/s^3",))
-ANGULAR_JERK = Quantity("rad/s**3", (), 1e8, ("deg/s^3",))
+JERK = Quantity("m/s^3", (), 1e7, ("mm/s^3",))
+ANGULAR_JERK = Quantity("rad/s^3", (), 1e8, ("deg/s^3",))
 VISCOUS_FRICTION = Quantity("N*m*s/rad", ("N*m*s",), 1e4, ("N*mm*s/rad",))
 RATIO = Quantity("")
 """A number without a unit, or in percent."""
 EFFICIENCY = Quantity("", (), 1.0, ("%",))
-EFFORT_WEIGHT = Quantity("1/(N**2*m**2)")
-JERK_WEIGHT = Quantity("s**6/m**2")
-TORQUE_RATE_WEIGHT = Quantity("s**2/(N**2*m**2)")
+EFFORT_WEIGHT = Quantity("1/(N^2*m^2)")
+JERK_WEIGHT = Quantity("s^6/m^2")
+TORQUE_RATE_WEIGHT = Quantity("s^2/(N^2*m^2)")

@@ -123,7 +123,8 @@ def in_si(header: str, value: Any) -> Any:
 
 def unit_of(header: str) -> str:
     """The SI unit of the values of a change by its header; empty without one."""
-    return _unit(_changed(header, _keys(header)[0]))
+    quantity = _changed(header, _keys(header)[0])
+    return quantity.unit if quantity else ""
 
 
 def _in_si(header: str, key: str, value: Any) -> Any:
@@ -135,7 +136,7 @@ def _in_si(header: str, key: str, value: Any) -> Any:
     try:
         return quantity.in_si(value)
     except Misread as error:
-        unit = f"in {_unit(quantity)}" if _unit(quantity) else "without unit"
+        unit = f"in {quantity.unit}" if quantity.unit else "without unit"
         problem = f"is {shown(value)}, which {error}"
         raise SceneError(None, header, value, f"a number {unit}{error.hint}", problem) from None
 
@@ -151,10 +152,6 @@ def _changed(header: str, key: str) -> Quantity | None:
     if header.endswith(" times"):
         return RATIO
     return LENGTH if key in PLACE else _quantity(key)
-
-
-def _unit(quantity: Quantity | None) -> str:
-    return quantity.unit.replace("**", "^") if quantity else ""
 
 
 def _quantity(key: str) -> Quantity | None:
