@@ -21,6 +21,7 @@ import numpy as np
 
 from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, shifted
 from deltaopt.limits.limit import SX, Bounds, Described, DividedLimit, Instant, Numbers, OwnMeasure
+from deltaopt.limits.solid_distance import root
 
 _PARTS = 8
 """Of a rounding: with fewer Newton's method needs more steps, more take longer to compare."""
@@ -40,8 +41,6 @@ _LEAST_BEND = 0.25
 the path's centre of curvature."""
 _LOOKED_AT = np.linspace(0.0, 1.0, 9)
 """Shares of a part where its curvature is looked at."""
-_TINY = 1e-24
-"""Stands for a squared distance of 0, m², where a root would have no derivative."""
 _ROUNDING = 1e-10
 """m by which the planned tube is thinner: rounding of the distance between two programs."""
 
@@ -67,8 +66,7 @@ class Tube(DividedLimit):
         return Bounds.at_most(numbers[0], out_of_reach=True)
 
     def measure(self, motion: Instant, numbers: SX) -> SX:
-        square = _squared_distance(motion.x, numbers)
-        return ca.sqrt(ca.if_else(square > _TINY, square, _TINY))
+        return root(_squared_distance(motion.x, numbers))
 
     def rows(self, motion: Instant, numbers: SX) -> SX:
         # The distance has no derivative on the axis.
