@@ -89,12 +89,6 @@ def cluster(address: str) -> Iterator[Workers]:
         yield Workers(client.get_executor(), threads, (distributed.KilledWorker,))
 
 
-@contextmanager
-def on(executor: futures.Executor, number: int) -> Iterator[Workers]:
-    """An executor that is there already, with so many points at once."""
-    yield Workers(executor, number)
-
-
 def rows(tasks: Iterable[Task], start: Start) -> Iterator[Row]:
     """The row of each point as it comes.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from functools import partial
 from io import StringIO
 from pathlib import Path
@@ -18,7 +18,7 @@ from deltaopt.files.csv_table import csv_text
 from deltaopt.files.output_folder import locked, require_writable
 from deltaopt.files.progress_bar import Progress
 from deltaopt.sweeps.points import SweepPoints
-from deltaopt.sweeps.run import Row, Start, on, processes, rows
+from deltaopt.sweeps.run import Row, Start, Workers, processes, rows
 from deltaopt.sweeps.sweep_file import Sweep, load_sweep
 
 PARQUET = ".parquet"
@@ -60,9 +60,10 @@ def sweep(
     if isinstance(what, Sweep):
         what = what.points_from(Path())
     points = what if isinstance(what, SweepPoints) else load_sweep(what)[1]
-    here = partial(processes, workers)
-    start = here if executor is None else partial(on, executor, workers or 1)
-    return fill(Path(file), points, start, progress)
+    if executor is None:
+        return fill(Path(file), points, partial(processes, workers), progress)
+    there = nullcontext(Workers(executor, workers or 1))
+    return fill(Path(file), points, lambda: there, progress)
 
 
 def fill(file: Path, points: SweepPoints, start: Start, progress: Progress | None = None) -> Any:
