@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from deltaopt.dynamics.precise_integrator import Copies, PreciseIntegrator
+from deltaopt.dynamics.precise_integrator import PreciseIntegrator
 from deltaopt.interrupts.requests import (
     Stopped,
     interrupts_not_lost,
@@ -152,13 +152,13 @@ def test_cvodes_is_not_interrupted(capfd, monkeypatch):
     """A right-hand side that fails is tried again, and the interrupt would be lost."""
     x, u = ca.MX.sym("x"), ca.MX.sym("u")
     integrator = PreciseIntegrator(u, x, -x, ca.MX(1), ca.MX(0, 1))
-    with integrator._copies.one() as own:
+    own = integrator._integrator
 
-        def slow(**arguments):
-            interrupt()
-            return own(**arguments)
+    def slow(**arguments):
+        interrupt()
+        return own(**arguments)
 
-    monkeypatch.setattr(integrator, "_copies", Copies(lambda: slow))
+    monkeypatch.setattr(integrator._of_thread, "integrator", slow)
     with pytest.raises(KeyboardInterrupt):
         integrator(np.ones(1), np.zeros(0))
     assert capfd.readouterr().err == ""

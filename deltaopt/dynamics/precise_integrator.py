@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from threading import local
 from typing import Any
 
 import casadi as ca
@@ -23,33 +22,6 @@ _PRECISE: dict[str, Any] = {
 }
 
 
-class Copies:
-    """As many copies of a CasADi function as threads use it at once.
-
-    A CasADi function may be called by several threads at once, but the integrators of SUNDIALS then
-    write into each other's memory: results are wrong, or the process ends.
-
-    ``build`` makes a copy that shares no memory with the others; one is made here, others when all
-    there are are in use.
-    """
-
-    def __init__(self, build: Callable[[], ca.Function]) -> None:
-        self._build = build
-        self._idle = [build()]  # a list's append and pop are atomic
-
-    @contextmanager
-    def one(self) -> Iterator[ca.Function]:
-        """A copy that no other thread uses within the block."""
-        try:
-            copy = self._idle.pop()
-        except IndexError:
-            copy = self._build()
-        try:
-            yield copy
-        finally:
-            self._idle.append(copy)
-
-
 class PreciseIntegrator:
     """An integrator by CVODES to 12 digits, for motions that have to be followed exactly.
 
@@ -61,14 +33,26 @@ class PreciseIntegrator:
     def __init__(
         self, u: ca.MX, state: ca.MX, rate: ca.MX, length: ca.MX, parameters: ca.MX
     ) -> None:
-        problem = {"t": u, "x": state, "p": parameters, "ode": length * rate}
-        self._copies = Copies(lambda: ca.integrator("stretch", "cvodes", problem, 0, 1, _PRECISE))
+        self._problem = {"t": u, "x": state, "p": parameters, "ode": length * rate}
+        self._of_thread = local()
 
     def __call__(self, state: Array, parameters: Array) -> Array:
         """The state after a stretch of time; not a number where CVODES fails."""
-        with requests_held(), self._copies.one() as integrator:
+        with requests_held():
+            integrator = self._integrator
             try:
                 after = integrator(x0=state, p=parameters)["xf"]
             except RuntimeError:  # CasADi's only word for it
                 return np.full(len(state), np.nan)
         return np.asarray(after.full()).ravel()
+
+    @property
+    def _integrator(self) -> ca.Function:
+        """That of this thread. A CasADi function may be called by several threads at once, but the
+        integrators of SUNDIALS then write into each other's memory: results are wrong, or the
+        process ends."""
+        own = self._of_thread
+        if not hasattr(own, "integrator"):
+            own.integrator = ca.integrator("stretch", "cvodes", self._problem, 0, 1, _PRECISE)
+        integrator: ca.Function = own.integrator
+        return integrator
