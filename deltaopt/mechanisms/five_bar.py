@@ -7,8 +7,6 @@ constraints and two motors. Viscous friction acts at the motors' axes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 
 from deltaopt.dynamics.mechanism import SX, Body, Effort, Mechanism, by_chains
@@ -17,45 +15,36 @@ SIDES = (-1.0, 1.0)
 """Sign of y at the motor of each chain."""
 
 
-@dataclass(frozen=True)
-class FiveBarParameters:
-    """The parameters of a five-bar; the defaults are those of Bordalba et al. (T-RO 2023).
-
-    Lengths, and distances of the centres of mass from the upper joint, in m; masses in kg; moments
-    of inertia about the centres of mass in kg·m²; friction in N·m·s/rad; g in m/s².
-    """
-
-    base: float = 0.12
-    arm: float = 0.20
-    bar: float = 0.15
-    arm_mass: float = 1.2093
-    bar_mass: float = 0.8925
-    arm_centre: float = 0.11
-    bar_centre: float = 0.0746
-    arm_inertia: float = 7e-3
-    bar_inertia: float = 2.3e-3
-    load: float = 0.5
-    friction: float = 0.0176
-    g: float = 9.81
+BASE, ARM, BAR = 0.12, 0.20, 0.15
+"""Distance of the motors, lengths of an arm and a bar, m: all numbers are those of Bordalba et al.
+(T-RO 2023)."""
+ARM_MASS, BAR_MASS, LOAD = 1.2093, 0.8925, 0.5
+"""Masses of an arm, of a bar, and of what hangs where the bars meet, kg."""
+ARM_CENTRE, BAR_CENTRE = 0.11, 0.0746
+"""Distances of the centres of mass from the upper joint, m."""
+ARM_INERTIA, BAR_INERTIA = 7e-3, 2.3e-3
+"""Moments of inertia about the centres of mass, kg·m²."""
+FRICTION, GRAVITY = 0.0176, 9.81
+"""Viscous, at the motors' axes, N·m·s/rad; and m/s²."""
 
 
-def five_bar(p: FiveBarParameters) -> Mechanism:
-    """The five-bar mechanism with these parameters as numbers."""
+def five_bar() -> Mechanism:
+    """The five-bar mechanism; it has no parameters."""
     q, dq, tau = SX.sym("q", 6), SX.sym("dq", 6), SX.sym("tau", 2)
     end = q[:2]
-    bodies = [Body("load", p.load, ca.vertcat(end, 0))]
+    bodies = [Body("load", LOAD, ca.vertcat(end, 0))]
     efforts, closures = [], []
     for k, side in enumerate(SIDES):
         theta, phi = q[2 + 2 * k], q[3 + 2 * k]
         dtheta, dphi = dq[2 + 2 * k], dq[3 + 2 * k]
-        motor = SX([0, side * p.base / 2, 0])
-        elbow = motor + p.arm * _along(theta)
+        motor = SX([0, side * BASE / 2, 0])
+        elbow = motor + ARM * _along(theta)
         bodies += [
-            _link(f"arm {k + 1}", p.arm_mass, p.arm_inertia, motor, p.arm_centre, theta, dtheta),
-            _link(f"bar {k + 1}", p.bar_mass, p.bar_inertia, elbow, p.bar_centre, phi, dphi),
+            _link(f"arm {k + 1}", ARM_MASS, ARM_INERTIA, motor, ARM_CENTRE, theta, dtheta),
+            _link(f"bar {k + 1}", BAR_MASS, BAR_INERTIA, elbow, BAR_CENTRE, phi, dphi),
         ]
-        efforts.append(Effort(tau[k] - p.friction * dtheta, dtheta))
-        closures.append(end - (elbow + p.bar * _along(phi))[:2])
+        efforts.append(Effort(tau[k] - FRICTION * dtheta, dtheta))
+        closures.append(end - (elbow + BAR * _along(phi))[:2])
     holonomic = ca.vertcat(*closures)
     return Mechanism(
         name="five-bar",
@@ -65,22 +54,22 @@ def five_bar(p: FiveBarParameters) -> Mechanism:
         efforts=tuple(efforts),
         controls=tau,
         holonomic=holonomic,
-        gravity=SX([p.g, 0, 0]),
+        gravity=SX([GRAVITY, 0, 0]),
         closed_form=by_chains(ca.jacobian(holonomic, q)),
     )
 
 
-def inverse_kinematics(p: FiveBarParameters) -> ca.Function:
+def inverse_kinematics() -> ca.Function:
     """(end, 2, m; no parameters) -> q, 6, with every elbow on the outer side; NaN out of reach."""
     end, none = SX.sym("end", 2), SX.sym("p", 0)
     angles = []
     for side in SIDES:
-        x, y = end[0], end[1] - side * p.base / 2
+        x, y = end[0], end[1] - side * BASE / 2
         distance2 = x**2 + y**2
-        dot = (distance2 + p.arm**2 - p.bar**2) / 2
-        cross = ca.sqrt(p.arm**2 * distance2 - dot**2)
+        dot = (distance2 + ARM**2 - BAR**2) / 2
+        cross = ca.sqrt(ARM**2 * distance2 - dot**2)
         theta = ca.atan2(y, x) + side * ca.atan2(cross, dot)
-        phi = theta - side * ca.atan2(cross, dot - p.arm**2)
+        phi = theta - side * ca.atan2(cross, dot - ARM**2)
         angles += [theta, phi]
     return ca.Function("inverse_kinematics", [end, none], [ca.vertcat(end, *angles)])
 

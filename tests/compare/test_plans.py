@@ -14,7 +14,7 @@ from deltaopt.compare.plans.cases import delta_case, five_bar_case
 from deltaopt.compare.plans.measures import Quality
 from deltaopt.compare.plans.report import answer, csv, tables
 from deltaopt.compare.plans.study import METHODS, compare_plans
-from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_kinematics
+from deltaopt.mechanisms.five_bar import five_bar, inverse_kinematics
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.formulations.collocation import FAR
@@ -79,9 +79,8 @@ def test_slowing_the_five_bar_with_friction():
 
 
 def test_five_bar_closes_its_loops():
-    p = FiveBarParameters()
-    m = five_bar(p)
-    q = inverse_kinematics(p)([0.3, 0.02], [])
+    m = five_bar()
+    q = inverse_kinematics()([0.3, 0.02], [])
     closure = ca.Function("closure", [m.q], [m.holonomic])(q)
     np.testing.assert_allclose(closure, 0, atol=1e-15)
     C, P = m.closed_form

@@ -12,7 +12,7 @@ import numpy as np
 from deltaopt.curves.halving import bisected_number
 from deltaopt.curves.piecewise import QUINTIC, Array, PiecewisePolynomial
 from deltaopt.dynamics.mechanism import SX
-from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_kinematics
+from deltaopt.mechanisms.five_bar import ARM, five_bar, inverse_kinematics
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.formulations.delta import boundary_values, scaled_delta
@@ -171,10 +171,9 @@ def five_bar_case() -> Case:
 
 
 def _five_bar_system() -> ScaledMechanism:
-    parameters = FiveBarParameters()
-    m, scales = five_bar(parameters), SX.sym("scales", 4)
+    m, scales = five_bar(), SX.sym("scales", 4)
     distance, time, torque, opening = ca.vertsplit(scales)
-    angle = distance / parameters.arm
+    angle = distance / ARM
     units = ScaledUnits(
         q=ca.vertcat(distance, distance, *4 * [angle]),
         closure=ca.vertcat(*4 * [distance]),
@@ -191,7 +190,7 @@ def _five_bar_system() -> ScaledMechanism:
         np.array([[True, True], [True, True], [True, False], [True, False]]),
         np.array([True, True, False, False]),
     )
-    return ScaledMechanism(m, (0, 1), inverse_kinematics(parameters), scales, units, limits)
+    return ScaledMechanism(m, (0, 1), inverse_kinematics(), scales, units, limits)
 
 
 def _smallest(kept: Callable[[float], bool]) -> float:
