@@ -123,9 +123,6 @@ class BallJoint(Limit):
     name, unit, subject, order = "ball joint angle", "rad", "chain", 0
     robot_key = "joints.ball"
 
-    def bounds(self, numbers: SX) -> Bounds:
-        return Bounds.symmetric(numbers)
-
     def measure(self, motion: Instant, numbers: SX) -> SX:
         return ca.asin(motion.tilt)
 

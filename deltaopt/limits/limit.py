@@ -32,9 +32,8 @@ _TIED = 1e-9
 
 
 class Described(Protocol):
-    """What a limit may read of a scene: robot, payload (kg; the
-    largest and the least, if it varies), the points that are
-    known of start, goal and the way (m), bodies, and its own key."""
+    """What a limit may read of a scene: robot, payload (kg; the largest and the least, if it
+    varies), the points that are known of start, goal and the way (m), bodies, and its own key."""
 
     @property
     def robot(self) -> Machine: ...
@@ -169,16 +168,16 @@ class OwnMeasure(Enum):
 class Limit:
     """A limit: stateless, so that scenes with the same limits share compiled code.
 
-    ``name`` and ``unit``: of its quantity. ``subject``: what has one each, such as a motor.
+    ``name`` and ``unit``: of its quantity. ``quantity``: which attribute of motions it is; of no
+    account where ``measure`` says otherwise. ``subject``: what has one each, such as a motor.
     ``order``: the highest derivative of position that the quantity depends on, 0 for positions, 2
-    for accelerations and torques, 3 for jerk and rates of torques. ``powers``: of the speed, at
-    which it is a polynomial: its rows
-    are those at rest at the same place and a part that grows with each of these powers, torques as
-    squares; 1 for a speed, 2 for a torque, (1, 2) for their sum. None if it is no polynomial, or
-    where that is not known: such motions are slowed by trial. ``key``: where a scene gives it, None
-    if it cannot. ``robot_key``: where the robot's file gives it; None if a scene may give it too.
-    ``promised``: whether a verified motion keeps it; otherwise it is a margin that the planner
-    keeps for its own sake.
+    for accelerations and torques, 3 for jerk and rates of torques. ``powers``: of the speed, of
+    which it is a polynomial: its rows are those at rest at the same place and a part that grows
+    with each of these powers, torques as squares; 1 for a speed, 2 for a torque, (1, 2) for their
+    sum. None if it is no polynomial, or where that is not known: such motions are slowed by trial.
+    ``key``: where a scene gives it, None if it cannot. ``robot_key``: where the robot's file gives
+    it; None if a scene may give it too. ``promised``: whether a verified motion keeps it; otherwise
+    it is a margin that the planner keeps for its own sake.
 
     What holds of few limits is said by those: ``own_measure``: which measure of verification judges
     it instead of ``measure``. ``slid_along``: whether it is one of position along which the best
@@ -189,6 +188,7 @@ class Limit:
 
     name: str
     unit: str
+    quantity: str
     subject: str
     order: int
     powers: tuple[int, ...] | None = None
@@ -228,12 +228,13 @@ class Limit:
         return [tuple(given) if isinstance(given, Sequence) else (given,)]
 
     def bounds(self, numbers: SX) -> Bounds:
-        """Of ``measure``."""
-        raise NotImplementedError
+        """Of ``measure``: here plus and minus the number, or a number for each."""
+        return Bounds.symmetric(numbers)
 
     def measure(self, motion: Instant, numbers: SX) -> SX:
         """The quantity as people read it, in ``unit``."""
-        raise NotImplementedError
+        measure: SX = getattr(motion, self.quantity)
+        return measure
 
     def rows(self, motion: Instant, numbers: SX) -> SX:
         """The quantity as smooth rows, normalised: lower bounds at -1, upper bounds at 1."""

@@ -36,8 +36,7 @@ class Norm(Limit):
 
     def vector(self, motion: Instant, numbers: SX) -> SX:
         """What the norm is of."""
-        vector: SX = getattr(motion, self.quantity)
-        return vector
+        return super().measure(motion, numbers)
 
     def measure(self, motion: Instant, numbers: SX) -> SX:
         return ca.norm_2(self.vector(motion, numbers))
@@ -60,10 +59,6 @@ class Range(Limit):
 
     def bounds(self, numbers: SX) -> Bounds:
         return Bounds.between(numbers[0], numbers[1])
-
-    def measure(self, motion: Instant, numbers: SX) -> SX:
-        measure: SX = getattr(motion, self.quantity)
-        return measure
 
 
 @dataclass(frozen=True)
@@ -121,10 +116,3 @@ class MotorLimit(Limit):
             expected = f"at most what the drive gives, {most} {scene.robot.unit(self.unit)}"
             raise SceneError(None, f"limits.{self.key.name}", given, expected)
         return [each]
-
-    def bounds(self, numbers: SX) -> Bounds:
-        return Bounds.symmetric(numbers)
-
-    def measure(self, motion: Instant, numbers: SX) -> SX:
-        measure: SX = getattr(motion, self.quantity)
-        return measure

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated
 
 import casadi as ca
 import numpy as np
@@ -45,6 +45,7 @@ class SerialSingularity(Limit):
     """Least sin² of the angle between arm and bars of each chain."""
 
     name, unit, subject, order = "distance to the serial singularity", "1", "chain", 0
+    quantity = "alignment"
     promised = False
 
     def items(self, scene: Described) -> Sequence[Numbers]:
@@ -55,17 +56,15 @@ class SerialSingularity(Limit):
     def bounds(self, numbers: SX) -> Bounds:
         return Bounds.at_least(numbers, 1.0, out_of_reach=True)
 
-    def measure(self, motion: Instant, numbers: SX) -> SX:
-        return motion.alignment
-
 
 @dataclass(frozen=True)
 class KeptVolume(Limit):
     """Least volume that three unit vectors of the chains span, on the side where a motion starts:
-    0 in the singularity, below 1. ``volume``: which, by its name in `Instant`."""
+    0 in the singularity, below 1. ``quantity``: which, an attribute of motions and of functions of
+    a mechanism."""
 
     name: str
-    volume: Literal["parallel_margin", "tilt_margin"]
+    quantity: str
     key: Key
     unit, subject, order = "1", "robot", 0
 
@@ -79,15 +78,14 @@ class KeptVolume(Limit):
             q = model.inverse_kinematics(scene.placed_points[0])
         except Unreachable:
             return [(given, 1.0)]  # what is wrong with the start is told when it is planned
-        volume = getattr(model.functions, self.volume)(SX(ca.DM(q)))
+        volume = getattr(model.functions, self.quantity)(SX(ca.DM(q)))
         return [(given, 1.0 if float(ca.DM(volume)) > 0 else -1.0)]
 
     def bounds(self, numbers: SX) -> Bounds:
         return Bounds.at_least(numbers[0], 1.0, out_of_reach=True)
 
     def measure(self, motion: Instant, numbers: SX) -> SX:
-        volume: SX = getattr(motion, self.volume)
-        return numbers[1] * volume
+        return numbers[1] * super().measure(motion, numbers)
 
 
 def _key(name: str) -> Key:
