@@ -33,6 +33,8 @@ RESOLVED = 1e-7
 """Gap of the references that the planner finds."""
 SLOWEST = 16.0
 """Largest factor that slowing is tried with."""
+_ACCURACY = 1e-12
+"""To which the least factor is found."""
 
 
 @dataclass(frozen=True)
@@ -194,14 +196,9 @@ def _five_bar_system() -> ScaledMechanism:
 
 
 def _smallest(kept: Callable[[float], bool]) -> float:
-    """The least factor from 1 on from which ``kept`` holds, by doubling steps and bisection to
-    1e-12."""
+    """The least factor from 1 on from which ``kept`` holds, by bisection."""
     if kept(1.0):
         return 1.0
-    step = 1e-6
-    while not kept(1.0 + step):
-        step *= 2
-        if step > SLOWEST:
-            return np.inf
-    low = 1.0 + step / 2 if step > 1e-6 else 1.0
-    return bisected_number(kept, low, 1.0 + step, max(0, ceil(log2(step / 1e-12))))[1]
+    if not kept(SLOWEST):
+        return np.inf
+    return bisected_number(kept, 1.0, SLOWEST, ceil(log2(SLOWEST / _ACCURACY)))[1]
