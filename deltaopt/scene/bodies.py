@@ -153,9 +153,8 @@ def sums(bodies: Sequence[Body], tool: Tool | None) -> Iterator[tuple[int, Conve
         shapes = [each.shape for each in tool.shapes]
     for index, body in enumerate(bodies):
         for shape in shapes:
-            try:
-                yield index, _sum(body.shape, shape)
-            except _NoClosedForm:
+            found = _sum(body.shape, shape)
+            if found is None:
                 raise SceneError(
                     None,
                     f"keep_out[{index}]",
@@ -163,7 +162,8 @@ def sums(bodies: Sequence[Body], tool: Tool | None) -> Iterator[tuple[int, Conve
                     "another body, or a tool of spheres or of capsules along the cylinder's axis",
                     f"is a {body.kind}, whose sum with a {type(shape).__name__.lower()} of the "
                     "tool is not known in closed form",
-                ) from None
+                )
+            yield index, found
 
 
 def solid_about(body: Convex) -> Solid:
@@ -191,14 +191,11 @@ def _box_about(corners: Array, axes: Array, radius: float) -> Solid:
     return Solid((first, second, third), centre, half, False, radius)
 
 
-class _NoClosedForm(Exception):
-    """Two shapes whose sum is neither a solid nor a polytope."""
-
-
 def _sum(
     body: Box | Sphere | Cylinder | HalfSpace | Hull, shape: Sphere | Box | Capsule | None
-) -> Convex:
-    """A body and a shape of the tool, reflected in the tool's point."""
+) -> Convex | None:
+    """A body and a shape of the tool, reflected in the tool's point; None where their sum is
+    neither a solid nor a polytope."""
     if shape is None:
         return _alone(body, np.zeros(3))
     moved = -np.array(shape.centre)
@@ -213,7 +210,7 @@ def _sum(
     if isinstance(body, Cylinder):
         along = _axis(body)
         if isinstance(shape, Box) or np.linalg.norm(np.cross(along, spread[0])) > _PARALLEL:
-            raise _NoClosedForm
+            return None
         return _grown(_at(moved + body.centre, body, hypot(*spread[0])), radius)
     if isinstance(body, Box) and all(np.count_nonzero(side) <= 1 for side in spread):
         half = np.array(body.half) + np.abs(spread).sum(axis=0)
