@@ -46,7 +46,7 @@ def simplified(function: ca.Function) -> ca.Function:
     inputs = function.sx_in()
     outputs = [SX(function.sparsity_out(i)) for i in range(function.n_out())]
     work: dict[int, SX] = {}
-    angles: dict[int, _Angle] = {}
+    angles: dict[int, _Angle | None] = {}
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
         to, by = function.instruction_output(k), function.instruction_input(k)
@@ -58,12 +58,10 @@ def simplified(function: ca.Function) -> ca.Function:
         elif operation == ca.OP_CONST:
             value, angle = SX(function.instruction_constant(k)), None
         else:
-            value = _value(operation, [work[i] for i in by], [angles.get(i) for i in by])
-            angle = _angle(operation, [work[i] for i in by], [angles.get(i) for i in by])
-        work[to[0]] = value
-        angles.pop(to[0], None)
-        if angle is not None:
-            angles[to[0]] = angle
+            given, of_angles = [work[i] for i in by], [angles[i] for i in by]
+            value = _value(operation, given, of_angles)
+            angle = _angle(operation, given, of_angles)
+        work[to[0]], angles[to[0]] = value, angle
     return ca.Function(function.name(), inputs, outputs, {"cse": True})
 
 

@@ -110,7 +110,7 @@ def percentage(value: object) -> float | None:
     if not (isinstance(value, str) and value.rstrip().endswith("%")):
         return None
     try:
-        share = _SHARE.in_si(value)
+        share = RATIO.in_si(value)
     except Misread:
         return None
     return share if isinstance(share, float) else None
@@ -150,9 +150,6 @@ def _registry() -> Any:
     text = (files("deltaopt.files") / "units.txt").read_text(encoding="utf-8")
     registry.load_definitions(text.splitlines())
     return registry
-
-
-_SHARE = Quantity("")
 
 
 LENGTH = Quantity("m", (), 10.0, ("mm",))
