@@ -8,7 +8,7 @@ import numpy as np
 
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.plots.colours import COLOURS
-from deltaopt.plots.style import STROKES, figure, motor_curves, without_box
+from deltaopt.plots.style import figure, motor_curves
 
 _SAMPLES = 1001
 """Instants, close enough together for a smooth line of a motion without jumps."""
@@ -30,12 +30,10 @@ def draw_motion(file: Path, trajectory: Trajectory) -> None:
         )
         panels = page.subplots(3, 1, sharex=True)
         for panel, (label, values) in zip(panels, rows, strict=True):
-            for i, (colour, stroke) in enumerate(zip(COLOURS, STROKES, strict=True)):
-                line = panel.plot(motion.t, values[:, i], color=colour, linestyle=stroke)
-                line[0].set_label(f"${'xyz'[i]}$")
+            motor_curves(panel, motion.t, values)
+            for line, axis in zip(panel.get_lines(), "xyz", strict=True):
+                line.set_label(f"${axis}$")
             panel.set_ylabel(label)
-            panel.set_xlim(motion.t[0], motion.t[-1])
-            without_box(panel)
         page.align_ylabels(panels)
         panels[-1].set_xlabel(r"time $t$ (s)")
         page.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)

@@ -98,7 +98,7 @@ def verbatim(text: str) -> str:
 
 
 def motor_curves(axes: Axes, t: Array, values: Array) -> None:
-    """Draw a curve for each motor, from values, (N, 3), at times t, (N,), s."""
+    """Draw a curve for each motor, which names it, from values, (N, 3), at times t, (N,), s."""
     for k, (colour, stroke) in enumerate(zip(COLOURS, STROKES, strict=True)):
         axes.plot(t, values[:, k], color=colour, linestyle=stroke, label=f"motor {k + 1}")
     axes.set_xlim(t[0], t[-1])
