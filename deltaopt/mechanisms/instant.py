@@ -1,9 +1,9 @@
 """A motion of a robot at one instant: every quantity that a limit may depend on, as expressions.
 
 There are three ways to the same quantities, each derived only when needed: from the platform's
-motion by eq. (39), in its shortest form; from the platform's motion by
-the general derivation in all coordinates; and from these coordinates themselves. They may be those
-of a lighter payload, or symbols.
+motion by eq. (39), in its shortest form; from the platform's motion by the general derivation in
+all coordinates; and from these coordinates themselves. They may be those of a lighter payload, or
+symbols.
 """
 
 from __future__ import annotations
@@ -229,11 +229,11 @@ class AnyInstant:
     angles ``theta`` (rad) and their rates ``dtheta`` and ``ddtheta``; motor torques ``tau`` (N·m),
     one for each motor; of linear drives positions (m) and forces (N). ``alignment``, sin² (q_{k,1}
     - q_{k,2}) of each chain, 0 in its serial singularity; ``tilt``, sin q_{k,3} of each chain, how
-    far its bars lean out of the plane of its arm;
-    ``parallel_margin`` and ``tilt_margin``, volumes that are 0 in the parallel singularity and
-    where the platform can tilt; ``tau_per_payload``, by how much the torques grow with the
-    payload's mass (N·m/kg). Of limits of order 3 alone: the platform's jerk ``j`` (m/s³), the rates
-    ``dddtheta`` (rad/s³) and ``dtau`` (N·m/s), and ``dtau_per_payload``.
+    far its bars lean out of the plane of its arm; ``parallel_margin`` and ``tilt_margin``, volumes
+    that are 0 in the parallel singularity and where the platform can tilt; ``tau_per_payload``, by
+    how much the torques grow with the payload's mass (N·m/kg). Of limits of order 3 alone: the
+    platform's jerk ``j`` (m/s³), the rates ``dddtheta`` (rad/s³) and ``dtau`` (N·m/s), and
+    ``dtau_per_payload``.
     """
 
     def __init__(self, motors: int) -> None:
