@@ -126,7 +126,7 @@ def compiled_flat(
     return None if method is None else FlatEquations(method, transcription, cost)
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=64)
 def _method(
     equations: PointEquations, transcription: PiecewiseAcceleration, cost: Cost
 ) -> CompiledMethod | None:
