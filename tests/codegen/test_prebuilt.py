@@ -65,6 +65,11 @@ def test_another_source_is_not_found(wheel, caplog):
     assert describe(lambda: OTHER).startswith("none: CasADi interprets")
 
 
+def test_without_a_wheel_no_source_is_asked_for(folder):
+    """To derive it takes as long as a plan."""
+    assert describe(lambda: pytest.fail("asked for")).startswith("compiled by ")
+
+
 @pytest.mark.parametrize("content", [b"", b"not a library"])
 def test_a_damaged_library_of_the_wheel_is_not_loaded(wheel, content):
     kept = carried(SOURCE)
