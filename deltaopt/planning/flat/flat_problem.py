@@ -130,8 +130,8 @@ def compiled_flat(
 def _method(
     equations: PointEquations, transcription: PiecewiseAcceleration, cost: Cost
 ) -> CompiledMethod | None:
-    """The method for all costs that differ in their weights alone, such as those at the prices that
-    are tried in a cycle: written out once in a process."""
+    """The method for all costs that differ in their weights alone, written out once in a
+    process."""
     problem = equations.point_problem(cost)
     points = IntervalPoints.of(transcription.points.tolist())
     if problem.derivatives == 3:

@@ -213,7 +213,7 @@ def test_another_payload_builds_nothing(monkeypatch):
 
 @needs_compiler
 def test_another_weight_of_effort_writes_no_method(monkeypatch):
-    """Such as those at the prices that are tried in a cycle."""
+    """It is data to the method, which is the same for all weights."""
 
     def weighted(effort: float) -> Plan:
         return plan(PICK.model_copy(update={"objective": TimeAndEffort(effort=effort)}))
