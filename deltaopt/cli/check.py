@@ -298,7 +298,7 @@ def _description(scene: Scene) -> list[tuple[str, str]]:
         ("bodies", f"{len(mechanism.bodies)}: {_masses(parameters, scene.least_payload)}"),
         ("inertia", _inertias(parameters)),
         ("gravity", _gravity(parameters)),
-        ("machine code", describe(default_method(scene))),
+        ("machine code", describe(lambda: default_method(scene))),
         ("left out", ", ".join(not_modelled(scene))),
         *([("rotation", _rotation(scene.rotation))] if scene.rotation else []),
         ("baseline", _baseline(scene)),

@@ -16,7 +16,7 @@ import shutil
 import stat
 import subprocess
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
@@ -190,10 +190,11 @@ def in_machine_code(functions: Sequence[ca.Function]) -> list[ca.Function] | Non
 _TRIAL = "int deltaopt_works(void) { return 1; }\n"
 
 
-def describe(source: str = _TRIAL) -> str:
+def describe(source: Callable[[], str] = lambda: _TRIAL) -> str:
     """A phrase that says how the library of a C source is had on this machine, without compiling
-    it, and how what a scene adds is."""
-    level = level_here() if carried(source) else None
+    it, and how what a scene adds is. ``source``: is asked for where a wheel brought libraries."""
+    here = level_here()
+    level = here if here and carried(source()) else None
     came = f"from the wheel ({level.name})" if level else ""
     try:
         folder = _kept(_TRIAL).parent

@@ -8,6 +8,7 @@ a sexagesimal number by surprise: ``payload: yes`` is text, which the records th
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 from pathlib import Path
 
 import yaml
@@ -61,7 +62,7 @@ def place_of(file: Path, key: str) -> str:
     is the whole file, or if the file cannot be read.
     """
     try:
-        node = yaml.compose(_text(file), Loader=yaml.BaseLoader)
+        node = _composed(_text(file))
     except (SceneError, yaml.YAMLError):
         return ""
     found = None
@@ -93,8 +94,7 @@ def _text(file: Path) -> str:
 
 def _parsed(text: str) -> object:
     try:
-        _refuse_traps(text)
-        root = yaml.compose(text, Loader=yaml.BaseLoader)
+        root = _composed(text)
         if root is None:
             raise _unusable("is empty")
         return _content(root)
@@ -113,14 +113,39 @@ def _reason(error: yaml.YAMLError) -> str:
     return "it contains a control character"  # PyYAML's only complaint without a mark
 
 
-def _refuse_traps(text: str) -> None:
-    """Refuse aliases, tags, deep nesting and long lists, none of which a robot or scene needs.
+class _Scanned(yaml.BaseLoader):
+    """What composes the tokens of a text that has been scanned: scanning is most of the time."""
+
+    def __init__(self, tokens: list[yaml.Token]) -> None:
+        super().__init__("")
+        self.tokens = tokens
+        self.done = True
+
+
+@lru_cache(maxsize=8)
+def _composed(text: str) -> yaml.Node | None:
+    """The nodes of a text, which are only read; None if it is empty.
+
+    Those of the last few texts are kept: many scenes name the same robot. Raises YAMLError, and
+    SceneError for a trap.
+    """
+    loader = _Scanned(_tokens(text))
+    try:
+        found: yaml.Node | None = loader.get_single_node()
+        return found
+    finally:
+        loader.dispose()
+
+
+def _tokens(text: str) -> list[yaml.Token]:
+    """The tokens of a text. Refuses aliases, tags, deep nesting and long lists, none of which a
+    robot or scene needs.
 
     A few aliases can expand to gigabytes, and PyYAML's time is quadratic in the depth.
     """
     if text.count("\n") > _LONGEST:
         raise _unusable(f"has more than {_LONGEST} lines")
-    depth = 0
+    depth, found = 0, list[yaml.Token]()
     for number, token in enumerate(yaml.scan(text, Loader=yaml.BaseLoader)):
         line = token.start_mark.line + 1
         if number > _LONGEST:
@@ -130,6 +155,8 @@ def _refuse_traps(text: str) -> None:
             raise _unusable(f"is nested too deeply (line {line})")
         if isinstance(token, yaml.AliasToken | yaml.TagToken):
             raise _unusable(f"uses an alias or a tag (line {line})")
+        found.append(token)
+    return found
 
 
 def _content(node: yaml.Node) -> object:

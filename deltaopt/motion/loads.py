@@ -242,7 +242,7 @@ def _padded(coefficients: Array) -> Array:
     return padded.reshape(len(coefficients), -1)
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=128)
 def _loads_function(
     functions: Functions, constraints: Constraints, powers: int, squares: bool
 ) -> RowFunction:

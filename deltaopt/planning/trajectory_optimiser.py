@@ -371,4 +371,4 @@ def _multipliers(found: MeshSolution) -> MeshMultipliers | None:
     return MeshMultipliers(limits, solution.multipliers) if solution.all_at_points else None
 
 
-_program = lru_cache(maxsize=32)(ProblemFormulation.of)
+_program = lru_cache(maxsize=64)(ProblemFormulation.of)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from contextlib import redirect_stdout
+from io import StringIO
 from itertools import combinations
 from pathlib import Path
 
@@ -102,11 +104,25 @@ def test_a_cycle_is_no_scene(tmp_path):
         load_cycle(PROBLEMS / "pick_and_place.yaml")
 
 
-def test_the_command_writes_the_whole_and_each_leg(tmp_path, capsys):
-    assert main(["plan", str(CYCLE), "-o", str(tmp_path), "--json", "--no-plot"]) == 0
-    told = json.loads(capsys.readouterr().out)
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory):
+    """The folder of the planned cycle, with charts of its legs' limits, and what was told."""
+    folder, told = tmp_path_factory.mktemp("there_and_back"), StringIO()
+    words = ["plan", str(CYCLE), "--json", "--no-plot", "--plot-limits", "-o", str(folder)]
+    with redirect_stdout(told):
+        assert main(words) == 0
+    return folder, json.loads(told.getvalue())
+
+
+@pytest.fixture(scope="module")
+def there_and_back(planned):
+    return planned[0]
+
+
+def test_the_command_writes_the_whole_and_each_leg(planned):
+    folder, told = planned
     assert told["verification"]["ok"]
-    table = read_csv(tmp_path / "trajectory.csv")
+    table = read_csv(folder / "trajectory.csv")
     t, leg, payload = (table.columns([name])[:, 0] for name in ("t", "leg", "payload"))
     assert t[-1] == pytest.approx(told["period"])
     arrives = told["legs"][1]["begins"]
@@ -114,7 +130,7 @@ def test_the_command_writes_the_whole_and_each_leg(tmp_path, capsys):
     assert set(payload[leg == 1]) == {1.0}
     assert set(payload[leg == 2]) == {0.0}
     assert [each["then"] for each in told["legs"]] == ["release", "grip"]
-    second = load_plan(tmp_path / "leg_2")
+    second = load_plan(folder / "leg_2")
     assert second.duration == pytest.approx(told["legs"][1]["duration"])
     assert deltaopt.verify(second.scene, second.trajectory).ok
 
@@ -168,14 +184,6 @@ def test_options_of_single_motions_are_refused(capsys):
     assert "--starts is for single motions" in capsys.readouterr().err
 
 
-@pytest.fixture(scope="module")
-def there_and_back(tmp_path_factory):
-    """The folder of the planned cycle, with charts of its legs' limits."""
-    folder = tmp_path_factory.mktemp("there_and_back")
-    assert main(["plan", str(CYCLE), "--no-plot", "--plot-limits", "-o", str(folder)]) == 0
-    return folder
-
-
 def test_limits_are_drawn_of_every_leg(there_and_back):
     for leg in (1, 2):
         assert (there_and_back / f"leg_{leg}" / "limits.png").stat().st_size > 10_000
@@ -219,11 +227,9 @@ def test_a_part_that_is_gripped_at_too_much_acceleration(tmp_path, capsys):
     assert main([*words, "--keep-limits", "--controller", "cubic"]) == 0
 
 
-def test_a_table_has_the_whole_cycle(tmp_path, capsys):
+def test_a_table_has_the_whole_cycle(there_and_back, tmp_path, capsys):
     """Its quintics are the planned motion at every instant, dwells included."""
-    file = tmp_path / "cycle.yaml"
-    file.write_text(TEXT)
-    assert main(["plan", str(file), "--no-plot", "-o", str(tmp_path / "out")]) == 0
+    shutil.copytree(there_and_back, tmp_path / "out")
     given = ["export", "table", str(tmp_path / "out"), "-o", str(tmp_path / "table.csv")]
     capsys.readouterr()
     assert main(given) == 0

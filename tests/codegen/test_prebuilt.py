@@ -55,14 +55,19 @@ def answer(path: Path, x: float) -> float:
 def test_the_wheels_library_is_used_without_a_compiler(wheel):
     assert answer(library(SOURCE), 2.0) == np.log(2.0)
     assert library(SOURCE).is_relative_to(wheel)
-    assert describe(SOURCE).startswith(f"from the wheel ({level_here().name}); what else")
+    assert describe(lambda: SOURCE).startswith(f"from the wheel ({level_here().name}); what else")
 
 
 def test_another_source_is_not_found(wheel, caplog):
     assert carried(OTHER) is None
     assert library(OTHER) is None
     assert len(caplog.messages) == 1
-    assert describe(OTHER).startswith("none: CasADi interprets")
+    assert describe(lambda: OTHER).startswith("none: CasADi interprets")
+
+
+def test_without_a_wheel_no_source_is_asked_for(folder):
+    """To derive it takes as long as a plan."""
+    assert describe(lambda: pytest.fail("asked for")).startswith("compiled by ")
 
 
 @pytest.mark.parametrize("content", [b"", b"not a library"])

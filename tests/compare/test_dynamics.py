@@ -18,7 +18,7 @@ from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.models import TASKS, StateSamples, models
 from deltaopt.compare.dynamics.printed import PAPER, as_printed
 from deltaopt.compare.dynamics.samples import exact_samples, rounding_error
-from deltaopt.compare.dynamics.study import Study, compare_dynamics
+from deltaopt.compare.dynamics.study import Progress, Study, compare_dynamics
 from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters, delta
@@ -100,8 +100,19 @@ def words(text: str) -> str:
 
 
 def test_command_writes_table_chart_and_verdict(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    study: Study,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    """Of the study of the tests above, which is not measured again."""
+
+    def measured(states: int, rounds: int, compiler: None, progress: Progress) -> Study:
+        assert (states, rounds, compiler) == (2, 2, None)
+        progress(1.0, "done")
+        return study
+
+    monkeypatch.setattr("deltaopt.compare.dynamics.study.compare_dynamics", measured)
     monkeypatch.setattr("deltaopt.codegen.c_compiler.compiler", lambda: None)
     command = ["compare", "dynamics", "--states", "2", "--rounds", "2", "-o", str(tmp_path)]
     assert main(command) == 0

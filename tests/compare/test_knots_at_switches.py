@@ -81,9 +81,11 @@ def continued(scene, formulation, regularisation=None):
 
 
 SCENES = ["industrial_cross", "five_bar"]
-CASES = set(product(SCENES, FORMULATIONS)) - {("industrial_cross", "explicit")}
+LEFT_OUT = {("industrial_cross", "flat"), ("industrial_cross", "explicit")}
+"""The first is the planner's own, the second that of ``HARDEST``."""
+CASES = set(product(SCENES, FORMULATIONS)) - LEFT_OUT
 HARDEST = ("long_diagonal", "explicit")
-"""Of the Delta by that formulation, instead of the one that is left out."""
+"""Of the Delta by that formulation."""
 
 
 @pytest.mark.parametrize(("scene", "formulation"), [*sorted(CASES), HARDEST])

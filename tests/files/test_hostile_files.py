@@ -14,6 +14,7 @@ from deltaopt.cli import main
 from deltaopt.errors import SceneError
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.output_folder import all_or_none
+from deltaopt.files.yaml_file import read_yaml
 from deltaopt.output.saved_plan import UnreadablePlan, load_plan
 from deltaopt.plots.style import figure, verbatim
 from deltaopt.robot.robot import load_robot
@@ -157,3 +158,11 @@ def test_a_name_is_drawn_as_it_stands(name, tmp_path, recwarn):
         page.suptitle(verbatim(name))
     assert name in (tmp_path / "a.svg").read_text(encoding="utf-8")
     assert not [each for each in recwarn if "Glyph" in str(each.message)]
+
+
+def test_what_was_made_of_a_file_does_not_change_what_is_read_of_it_again(tmp_path):
+    """Texts are kept, their contents are not."""
+    file = tmp_path / "a.yaml"
+    file.write_text("a: {b: [1, 2]}", encoding="utf-8")
+    read_yaml(file)["a"]["b"].append(3.0)
+    assert read_yaml(file) == {"a": {"b": [1.0, 2.0]}}

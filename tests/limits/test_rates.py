@@ -194,7 +194,7 @@ def test_commands_take_them(tmp_path, capsys):
     scene, out = PROBLEMS / "limits" / "smooth.yaml", tmp_path / "out"
     assert main(["check", str(scene)]) == 0
     assert "torque rate" in capsys.readouterr().out
-    assert main(["plan", str(scene), "--details", "-o", str(out)]) == 0
+    assert main(["plan", str(scene), "--details", "--no-plot", "-o", str(out)]) == 0
     assert "jump of acceleration" in capsys.readouterr().out
     words = ["--cycle", "1ms", "--controller", "cubic", "--anyway", "-o", str(tmp_path / "t.csv")]
     assert main(["export", "table", str(out), *words]) == 0

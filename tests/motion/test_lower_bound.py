@@ -72,11 +72,11 @@ VARIANTS |= {file.stem: load_robot(file) for file in SHIPPED}
 
 @pytest.mark.parametrize("name", VARIANTS)
 def test_no_plan_is_shorter(name):
-    """Of 12 random moves each of robots of all kinds."""
+    """Of six random moves each of robots of all kinds."""
     payload = 1.0 if name in ("orsino", "industrial", "unequal motors") else None
     planner = Planner(VARIANTS[name], payload, tolerance=1e-2)
     planned = 0
-    for scene in random_scenes(planner.robot, payload, 12, 7):
+    for scene in random_scenes(planner.robot, payload, 6, 7):
         bound = lower_bound(scene)
         assert bound > 0
         try:
@@ -85,7 +85,7 @@ def test_no_plan_is_shorter(name):
             continue
         planned += 1
         assert bound < found.duration
-    assert planned >= 11
+    assert planned >= 5
 
 
 @pytest.mark.parametrize(

@@ -202,7 +202,8 @@ def best(
     if sum_is_given:
         limit(time - sum(leg.duration for leg in legs), 0.0, 0.0)
     cost = weights[0] * time + weights[1] * running
-    problem = {"x": ca.vertcat(*w), "f": cost, "g": ca.vertcat(*g)}
+    cost, rows = ca.cse([cost, ca.vertcat(*g)])  # what is shared is differentiated once
+    problem = {"x": ca.vertcat(*w), "f": cost, "g": rows}
     solver = ca.nlpsol("oracle", "ipopt", problem, OPTIONS)
     lower = np.full(problem["x"].numel(), -np.inf)
     lower[: len(legs)] = 1e-3

@@ -391,9 +391,10 @@ def test_a_start_that_is_too_fast_is_refused():
 
 
 @pytest.mark.parametrize(
-    "formulation", [deltaopt.forward, deltaopt.multiplier], ids=["forward", "multiplier"]
+    ("name", "formulation"),
+    [("passed_state", deltaopt.forward), ("belt", deltaopt.multiplier)],
+    ids=["passed state, forward", "belt, multiplier"],
 )
-@pytest.mark.parametrize("name", ["passed_state", "belt"])
 def test_other_formulations_plan_from_and_to_motion(name, formulation):
     scene = load_scene(f"problems/moving/{name}.yaml")
     found, flat = plan(scene, formulation=formulation), plan(scene, tolerance=1e-4)

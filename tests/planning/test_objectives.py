@@ -158,7 +158,7 @@ def long(payload, duration):
     return planned(in_time(duration, PICK.model_copy(update={"payload": payload})))
 
 
-@pytest.mark.parametrize(("payload", "duration", "less"), [(None, 10, 1), (PICK.payload, 3, 1.5)])
+@pytest.mark.parametrize(("payload", "duration", "less"), [(None, 6, 1), (PICK.payload, 3, 1.5)])
 def test_a_long_motion_waits_where_little_torque_holds_it(payload, duration, less):
     """It is settled, keeps its limits, and costs little more than a shorter one."""
     found = long(payload, duration)

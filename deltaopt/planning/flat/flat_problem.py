@@ -18,7 +18,7 @@ of the first guess, torques by their limits.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import ClassVar
 
@@ -121,12 +121,22 @@ def compiled_flat(
     equations: PointEquations, transcription: PiecewiseAcceleration, cost: Cost
 ) -> FlatEquations | None:
     """The equations with the interior-point method compiled for them; None where it cannot be."""
+    alike = Cost(running=float(cost.running != 0), rate=cost.rate)
+    method = _method(equations, transcription, alike)
+    return None if method is None else FlatEquations(method, transcription, cost)
+
+
+@lru_cache(maxsize=64)
+def _method(
+    equations: PointEquations, transcription: PiecewiseAcceleration, cost: Cost
+) -> CompiledMethod | None:
+    """The method for all costs that differ in their weights alone, written out once in a
+    process."""
     problem = equations.point_problem(cost)
     points = IntervalPoints.of(transcription.points.tolist())
     if problem.derivatives == 3:
         points = OF_JERK if cost.rate.order == 3 else OF_ACCELERATION
-    method = interior_point(problem, points)
-    return None if method is None else FlatEquations(method, transcription, cost)
+    return interior_point(problem, points)
 
 
 _SHARED = np.array(

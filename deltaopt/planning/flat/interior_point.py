@@ -332,7 +332,7 @@ def _pointer(array: NDArray[np.generic]) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=64)
 def interior_point(problem: PointProblem, points: IntervalPoints) -> CompiledMethod | None:
     """The method for a point problem, made once in a process; None without machine code."""
     if len(points.fractions) % LANES:

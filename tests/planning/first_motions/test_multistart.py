@@ -45,8 +45,8 @@ def test_the_best_is_delivered():
 
 
 def test_command_tells_the_optima(tmp_path, capsys):
-    arguments = ["plan", str(FILE), "--tolerance", "1e-2", "--starts", "2", "-o", str(tmp_path)]
-    assert main([*arguments, "--details"]) == 0
+    arguments = ["plan", str(FILE), "--tolerance", "1e-2", "--starts", "2", "--no-plot"]
+    assert main([*arguments, "--details", "-o", str(tmp_path)]) == 0
     told = capsys.readouterr().out
     assert "local optimum 1: 0.14" in told
     optima = told.count("local optimum ")

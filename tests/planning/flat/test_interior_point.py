@@ -28,6 +28,7 @@ from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import Planner, plan
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.robot import load_robot
+from deltaopt.scene.objective import TimeAndEffort
 from deltaopt.scene.scene_file import load_scene
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
@@ -208,6 +209,18 @@ def test_another_payload_builds_nothing(monkeypatch):
     assert light.duration < heavy.duration
     assert heavy.scene.payload == 1.5
     assert safe_factor(problem_of(heavy.scene), heavy.trajectory) <= 1 + 1e-9
+
+
+@needs_compiler
+def test_another_weight_of_effort_writes_no_method(monkeypatch):
+    """It is data to the method, which is the same for all weights."""
+
+    def weighted(effort: float) -> Plan:
+        return plan(PICK.model_copy(update={"objective": TimeAndEffort(effort=effort)}))
+
+    light = weighted(3e-5)
+    monkeypatch.setattr(interior_point, "library", lambda _: pytest.fail("written again"))
+    assert light.duration < weighted(1e-3).duration
 
 
 def test_many_plans_in_order():

@@ -115,7 +115,7 @@ def test_gaps_are_what_they_say():
 def test_gaps_on_random_paths():
     """Also where a limit that is tightened in one cell slows the motion far beyond it."""
     compared = 0
-    for scene in random_paths(CROSS.robot, 1.0, 60, 1):
+    for scene in random_paths(CROSS.robot, 1.0, 30, 1):
         try:
             plan, best = (deltaopt.plan(scene, tolerance=each) for each in (1e-3, 1e-4))
         except deltaopt.DeltaOptError:  # the path leaves the workspace
@@ -123,7 +123,7 @@ def test_gaps_on_random_paths():
         assert plan.within_tolerance
         assert plan.duration / best.duration - 1 <= plan.gap
         compared += 1
-    assert compared > 20
+    assert compared > 10
 
 
 def test_friction_on_random_paths():
@@ -134,7 +134,7 @@ def test_friction_on_random_paths():
     smooth = CROSS.robot.model_copy(update={"drive": drive})
     rough = CROSS.robot.model_copy(update={"drive": {**drive, "friction": friction}})
     compared = 0
-    for scene in random_paths(smooth, 1.0, 40, 1):
+    for scene in random_paths(smooth, 1.0, 20, 1):
         try:
             deltaopt.plan(scene)
         except deltaopt.DeltaOptError:  # the path leaves the workspace
@@ -144,7 +144,7 @@ def test_friction_on_random_paths():
         assert plan.within_tolerance
         assert plan.duration / best.duration - 1 <= plan.gap
         compared += 1
-    assert compared > 12
+    assert compared > 6
 
 
 def test_a_limit_of_acceleration_on_a_line():
