@@ -185,7 +185,9 @@ class Outcomes:
         if not isinstance(self.scene.objective, Time) or self.scene.tube is not None:
             return False  # in a tube there is hardly another
         best = self.best()
-        return best.iterations > _LABORIOUS or is_slow(self.scene, best.duration, _LONG)
+        creeps = problem_of(self.scene).rates_peak  # to where arms turn back, whatever the motion
+        is_laborious = best.iterations > _LABORIOUS and not creeps
+        return is_laborious or is_slow(self.scene, best.duration, _LONG)
 
     def best(self) -> Plan:
         """The plan of least cost, with all distinct optima where several attempts were made.

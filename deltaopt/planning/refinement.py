@@ -215,7 +215,7 @@ class Refinement:
             return first and replace(first, covers=guess.near)
         last = self.meshes[-1]
         known = last.scaling.softening
-        return known and known.after(problem, last.lost_to_friction, self.tolerance)
+        return known and known.after(problem, last.lost_to_friction, self.tolerance, self._failures)
 
     def _solve(self, mesh: Array, guess: Guess, scaling: Scaling) -> None:
         scaling = replace(scaling, softening=self._softening(guess))
@@ -267,7 +267,7 @@ class Refinement:
         if together > 1:
             before, lost = joined(before, together), joined_estimate(lost, together)
         shortest = shortest_intervals(last.trajectory, together)
-        tightened = longest_tightened(self.scaling.problem)
+        tightened = longest_tightened(self.scaling.problem, last.trajectory, before)
         mesh = refined(before, lost, target, shortest=shortest, tightened=tightened)
         mesh = mesh if together * len(mesh) <= last.program.finest else before
         contacts = last.contacts

@@ -44,6 +44,11 @@ class PointEquations:
     strengths: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     covers: ca.SX = field(default_factory=lambda: ca.SX(0, 0))
 
+    @property
+    def rates_peak(self) -> bool:
+        """Whether torque rates are limited that peak where Coulomb friction changes its sign."""
+        return self.constraints.has_torque_rates and self.saturating.numel() > 0
+
     @classmethod
     def of(cls, functions: Functions, constraints: Constraints) -> PointEquations:
         """Derive them for a mechanism and the limits of a scene."""

@@ -20,7 +20,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from deltaopt.errors import NotConverged
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.flat.interior_point import (
+    AT_BOTH_ENDS,
     OF_ACCELERATION,
     OF_JERK,
     CompiledMethod,
@@ -99,6 +100,10 @@ def boundary(asked: Boundary, scaling: Scaling, accuracy: float = 0.0) -> PhaseB
     return PhaseBoundary(state, free, scaling.velocity(asked.belt), radius)
 
 
+_DIGITS = 9
+"""Decimals of places in thirds: thirds are no binary fractions."""
+
+
 @dataclass(frozen=True)
 class FlatEquations:
     """The equations of the flat problem, compiled, from which problems on meshes are made."""
@@ -111,6 +116,11 @@ class FlatEquations:
     def together(self) -> int:
         """How many intervals of a mesh are one of the method: the thirds of its cubics."""
         return 3 if self.method.problem.derivatives == 3 else 1
+
+    @cached_property
+    def ends(self) -> _EndsOfThirds:
+        """What multipliers at its points are at the ends of thirds."""
+        return _EndsOfThirds.of(self.method.points)
 
     def __call__(self, mesh: Array) -> FlatProblem:
         """The problem on a mesh of interval lengths, (N,), fractions of the duration."""
@@ -136,22 +146,35 @@ def _method(
     points = IntervalPoints.of(transcription.points.tolist())
     if problem.derivatives == 3:
         points = OF_JERK if cost.rate.order == 3 else OF_ACCELERATION
+        if equations.rates_peak:
+            points = AT_BOTH_ENDS
     return interior_point(problem, points)
 
 
-_SHARED = np.array(
-    [
-        [[1, 0, 0, 0], [0, 0.5, 0, 0]],
-        [[0, 0.5, 0, 0], [0, 0, 0.5, 0]],
-        [[0, 0, 0.5, 0], [0, 0, 0, 1]],
-    ]
-)
-"""Which part of a multiplier at each of the four points of an interval in thirds belongs to both
-ends of each third, (3, 2, 4), of rows that are continuous there."""
-_ONE_SIDED = np.array(
-    [[[1, 0, 0, 0], [0, 0, 0, 0]], [[0, 1, 0, 0], [0, 0, 1, 0]], [[0, 0, 0, 0], [0, 0, 0, 1]]]
-)
-"""The same of rows of jerk, which jumps there."""
+@dataclass(frozen=True)
+class _EndsOfThirds:
+    """How multipliers at the points of an interval add up to those at both ends of each third:
+    weights, (3, 2, points) each. ``one_sided``: of rows that jump from one third to the next.
+    ``shared``: of rows that do not, which both thirds share. ``back``: from ends to points."""
+
+    one_sided: Array
+    shared: Array
+    back: Array
+
+    @classmethod
+    def of(cls, points: IntervalPoints) -> Self:
+        """Those of some points; one inside a third belongs to both of its ends."""
+        thirds = np.array(points.thirds)
+        place = (3 * np.array(points.fractions) - thirds).round(_DIGITS)  # in its third, 0 to 1
+        of_third = np.arange(3)[:, None, None] == thirds
+        one_sided = np.where(of_third, np.array([1 - place, place]), 0.0)
+        shared = one_sided.copy()
+        for before in (0, 1):
+            both = one_sided[before, 1] + one_sided[before + 1, 0]
+            shared[before, 1] = shared[before + 1, 0] = both / 2
+        own = one_sided == 1
+        back = np.where(own.any(axis=2, keepdims=True), own, shared > 0)
+        return cls(one_sided, shared, back.astype(float))
 
 
 @dataclass(frozen=True)
@@ -267,7 +290,7 @@ class FlatProblem:
         if self.equations.together == 1:
             return prices if self.equations.cost.running else duration * prices
         of_thirds = prices.reshape(-1, 3, 2, prices.shape[2])
-        return np.asarray(np.einsum("tep,ntem->npm", _SHARED > 0, of_thirds))
+        return np.asarray(np.einsum("tep,ntem->npm", self.equations.ends.back, of_thirds))
 
     def _solved(self, found: InteriorPointSolution, scaling: Scaling, accuracy: float) -> Solved:
         """The solution as one motion, on a mesh whose fractions phases have changed."""
@@ -310,8 +333,9 @@ class FlatProblem:
         if self.equations.together == 1:
             return multipliers
         jumps = scaling.constraints.orders == 3
-        shared = np.einsum("tep,npm->ntem", _SHARED, multipliers)
-        one_sided = np.einsum("tep,npm->ntem", _ONE_SIDED, multipliers)
+        ends = self.equations.ends
+        shared = np.einsum("tep,npm->ntem", ends.shared, multipliers)
+        one_sided = np.einsum("tep,npm->ntem", ends.one_sided, multipliers)
         found: Array = np.where(jumps, one_sided, shared)
         return found.reshape(-1, 2, multipliers.shape[2])
 

@@ -71,6 +71,15 @@ OF_ACCELERATION = replace(OF_JERK, weights=(1 / 6, 1 / 3, 1 / 3, 1 / 6))
 such as torques. They weigh all ends of thirds alike, as the integral of an acceleration does that
 is linear between them. By weights of a higher order, which differ, torques that ripple from one end
 to the next would cost less than steady ones."""
+AT_BOTH_ENDS = IntervalPoints(
+    (0.0, 1 / 6, 1 / 3, 1 / 3, 2 / 3, 2 / 3, 5 / 6, 1.0),
+    (0, 0, 0, 1, 1, 2, 2, 2),
+    (1 / 6, 0.0, 1 / 6, 1 / 6, 1 / 6, 1 / 6, 0.0, 1 / 6),
+)
+"""Both ends of each of these cubics, and the middles of two of them: a row of jerk that changes
+much within one, as a rate of a torque does where an arm with Coulomb friction turns back, is seen
+on both sides of where jerk jumps. Their weights integrate exactly, and by the trapezoidal rule, as
+those above."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import numpy as np
 from deltaopt.curves.piecewise import Array, Index, Truths
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.mesh.error_estimate import FRACTIONS, longest_tightened
+from deltaopt.planning.mesh.error_estimate import FRACTIONS
 from deltaopt.planning.nlp.phases import with_neighbours
 from deltaopt.planning.nlp.scaling import UNTIGHTENED, Scaling
 from deltaopt.problem.problem import Problem
@@ -66,6 +66,7 @@ def tightened_where_exceeded(
     size: Array,
     tightened: Truths,
     anywhere: Truths,
+    is_short: Truths,
 ) -> Scaling:
     """The scaling with limits tightened, for a next ``mesh``, by as much as rows between the points
     of an interval exceed the same rows at its points.
@@ -76,7 +77,7 @@ def tightened_where_exceeded(
     which rows may be tightened, (rows,). ``anywhere``: rows that are tightened in intervals of any
     length, (rows,); they may exceed their bounds at the points too, where a formulation's
     coordinates close loops at nodes alone, as rows of jerk may, which are imposed on one side of
-    some points alone.
+    some points alone. ``is_short``: intervals of the next mesh in which all of these are, (M,).
     """
     constraints, shares = scaling.constraints, scaling.shares(len(before))
     highest = size.max(axis=1)
@@ -94,7 +95,7 @@ def tightened_where_exceeded(
     if scaling.problem.rates_peak:
         smallest[constraints.orders == 3] = _SMALLEST_SHARE_OF_RATES
     share = np.maximum(1 - over, smallest)
-    untouched = (mesh > longest_tightened(scaling.problem))[:, None] & np.logical_not(anywhere)
+    untouched = np.logical_not(is_short[:, None] | anywhere)
     return replace(scaling, share=np.where(untouched, UNTIGHTENED, share))
 
 

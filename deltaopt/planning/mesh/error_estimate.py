@@ -28,6 +28,7 @@ import numpy as np
 from deltaopt.curves.piecewise import Array, Index, Truths
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.nlp.phases import joined, with_neighbours
+from deltaopt.planning.nlp.softening import turning
 from deltaopt.problem.problem import Problem
 
 FRACTIONS = np.linspace(0.0, 1.0, 25)
@@ -164,10 +165,13 @@ def shortest_intervals(motion: Trajectory, together: int = 1) -> Array:
     return np.asarray(shortest / np.sqrt(np.maximum(by_usual, 1.0)))
 
 
-def longest_tightened(problem: Problem) -> float:
-    """Length of an interval, as a fraction of the duration, up to which limits that are exceeded
-    between its points are tightened at these; longer ones are split."""
-    return _BESIDE_FRICTION if problem.rates_peak else _TIGHTENED
+def longest_tightened(problem: Problem, motion: Trajectory, mesh: Array) -> Array:
+    """Lengths of intervals of a mesh, as fractions of the duration, up to which limits that a
+    motion exceeds between their points are tightened at these; longer ones are split, (N,)."""
+    if not problem.rates_peak:
+        return np.full(len(mesh), _TIGHTENED)
+    is_turning = with_neighbours(turning(problem, motion, mesh).astype(float)) > 0
+    return np.where(is_turning, _BESIDE_FRICTION, _TIGHTENED)
 
 
 def refined(
@@ -176,7 +180,7 @@ def refined(
     target: float,
     most: int = 6,
     shortest: Array | float = _SHORTEST,
-    tightened: float = _TIGHTENED,
+    tightened: Array | float = _TIGHTENED,
 ) -> Array:
     """Split the intervals of a mesh, (N,), so that the lost time falls to about ``target``.
 

@@ -39,12 +39,13 @@ def next_scaling(last: MeshSolution, mesh: Array, faces: FacePhases | None = Non
     cannot_slow = not last.problem.may_be_slowed and last.own_gap < _NEARLY_LAST
     soon = cannot_slow or _is_held(last, others)
     anywhere = places | others if soon else places
-    tightenable = anywhere if mesh.min() > longest_tightened(last.problem) else places | others
+    is_short = mesh <= longest_tightened(last.problem, last.trajectory, mesh)
+    tightenable = places | others if is_short.any() else anywhere
     tightened = replace(last.scaling, share=UNTIGHTENED)
     if tightenable.any():
         points, seen = last.program.points, _with_missed(last, places)
         tightened = tightened_where_exceeded(
-            last.scaling, last.mesh, mesh, points, seen, tightenable, anywhere
+            last.scaling, last.mesh, mesh, points, seen, tightenable, anywhere, is_short
         )
     tightened = replace(tightened, faces=faces)
     return tightened if last.excess is None else _at_bodies(last, last.excess, tightened, mesh)
@@ -56,7 +57,7 @@ def _is_held(last: MeshSolution, others: Truths) -> bool:
 
     ``others``: the limits that slowing usually helps to keep, (rows,).
     """
-    long = last.mesh > longest_tightened(last.problem)
+    long = last.mesh > longest_tightened(last.problem, last.trajectory, last.mesh)
     shares = last.scaling.shares(len(long))[:, others]
     return isinf(last.safe_factor) or bool((shares[long] < UNTIGHTENED).any())
 

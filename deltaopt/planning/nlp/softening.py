@@ -49,6 +49,9 @@ _SOFT_AT_FIRST, _LESS_SOFT = 0.1, 1 / 3
 speed, and by what it is multiplied from mesh to mesh. With smaller steps plans take longer, with
 larger ones more of them do not converge."""
 _NEARLY = 1.01
+_CHANGING = 3.0
+"""Up to how many of its widths from rest friction changes: from there on by less than a hundredth
+of its rate at rest."""
 _SAMPLES = np.linspace(0.0, 1.0, 5)
 """Fractions of intervals where speeds of arms are evaluated: they are nearly straight between."""
 
@@ -84,9 +87,7 @@ class Softening:
     def widths(self, motion: Trajectory, mesh: Array) -> Array:
         """Over how many rad/s friction changes its sign, from -1 to 1 over twice as many, in each
         interval of a mesh, for each arm, (N, motors). ``motion``: a guess of the mesh's."""
-        speeds, knots = _speeds(motion), motion.knots
-        times = knots[:-1, None] + np.diff(knots)[:, None] * _SAMPLES
-        shares = (times.ravel() - knots[0]) / motion.duration
+        speeds, shares = _speeds(motion), _shares(motion)
         changed = np.abs(np.diff(speeds, axis=0, prepend=speeds[:1])).cumsum(axis=0)
         at = np.append(0.0, mesh.cumsum())
         inside = [np.diff(np.interp(at, shares, each)) / mesh for each in changed.T]
@@ -94,11 +95,13 @@ class Softening:
         rates = np.maximum(rates, _QUIET * changed[-1].max())
         return np.asarray(np.maximum(_RESOLVED * mesh[:, None] * rates, self.least))
 
-    def after(self, problem: Problem, lost: float, tolerance: float) -> Softening:
+    def after(
+        self, problem: Problem, lost: float, tolerance: float, failures: int = 0
+    ) -> Softening:
         """That of the mesh after one on which it lost so much, a share of the duration, and a plan
-        is not within its tolerance."""
+        is not within its tolerance; ``failures``: how many meshes since then were not solved."""
         if problem.rates_peak:
-            least = _LESS_SOFT * self.least
+            least = _LESS_SOFT ** (0.5**failures) * self.least
             return Softening(least if least > _own_width(problem) else 0.0, covers=True)
         if lost <= _COSTLY * tolerance:
             return replace(self, covers=True)
@@ -138,6 +141,17 @@ class Softening:
         return found
 
 
+def turning(problem: Problem, motion: Trajectory, mesh: Array) -> Truths:
+    """Whether an arm turns back, or is about to, in each interval of a mesh, (N,): it is so slow
+    that Coulomb friction is changing there."""
+    slow = _CHANGING * max((speed for speed, _ in problem.model.layers), default=0.0)
+    shares, begin = _shares(motion), np.cumsum(mesh) - mesh
+    at = begin[:, None] + mesh[:, None] * _SAMPLES
+    inside = np.array([np.interp(at, shares, each) for each in _speeds(motion).T])
+    is_slow = (inside.min(axis=2) < slow) & (inside.max(axis=2) > -slow)
+    return np.asarray(is_slow.any(axis=0))
+
+
 def _softened(speeds: Array, width: float, widths: Array) -> tuple[Array, Array, Array]:
     """Over how many rad/s friction that changes its sign over a ``width`` does so on a mesh of
     ``widths``, what share of it there is then at some ``speeds``, and how much more that is."""
@@ -154,6 +168,12 @@ def _least(problem: Problem) -> float:
 def _own_width(problem: Problem) -> float:
     """Over how many rad/s the sharpest friction changes its sign."""
     return min(speed for speed, _ in problem.model.layers)
+
+
+def _shares(motion: Trajectory) -> Array:
+    """When ``_SAMPLES`` of all intervals are, as shares of the duration, (K · samples,)."""
+    times = motion.knots[:-1, None] + np.diff(motion.knots)[:, None] * _SAMPLES
+    return np.asarray((times.ravel() - motion.knots[0]) / motion.duration)
 
 
 def _speeds(motion: Trajectory, fractions: Array = _SAMPLES) -> Array:
