@@ -241,16 +241,25 @@ TURNING = (
         },
         43750.0,
     ),
+    (
+        with_friction("rl5", Friction(coulomb=15.0, speed=0.02)),
+        {
+            "start": (0.9172782993746647, -0.38647028499711666, 0.03360056431962488),
+            "goal": (1.162358401893388, 0.502563723102327, 0.03652782477532335),
+            "payload": 0.5,
+        },
+        43750.0,
+    ),
 )
 
 
-@pytest.mark.parametrize(("robot", "ends", "rate"), TURNING, ids=["industrial", "rl5"])
+@pytest.mark.parametrize(("robot", "ends", "rate"), TURNING, ids=["industrial", "rl5", "rl5 again"])
 def test_an_arm_turns_back_under_friction_as_fast_as_without(robot, ends, rate):
     """Within 0.02 and 0.05 rad/s friction changes its sign while the torque may hardly change:
     acceleration falls instead, which costs next to nothing. A limit more makes no motion faster;
     and friction, which drives where motors brake, does not make that of a limited rate slower by
     more than it makes others. Limited on one side of each third of an interval alone, rates peaked
-    on the other, and the second missed its tolerance."""
+    on the other, and the last two missed their tolerances."""
     without = robot.drive.model_copy(update={"friction": None})
     smooth = Scene(robot=robot.model_copy(update={"drive": without}), **ends)
     rough = Scene(robot=robot, **ends)
