@@ -28,6 +28,14 @@ _LARGEST_STL = 20
 _STL = "an STL file, lengths in m"
 
 
+_OTHER_FILES = {
+    "base_radius": ("robot", "it names this one as robot"),
+    "scenes": ("design", "deltaopt design takes this one"),
+    "scene": ("sweep", "deltaopt sweep takes this one"),
+}
+"""By a key that files of other kinds have: which kind, and what it is for."""
+
+
 def load_scene(path: str | Path) -> Scene:
     """Read a scene file and the robot file it names.
 
@@ -85,8 +93,9 @@ def made_of(content: Mapping[str, object], file: Path) -> Scene | Cycle:
 
 
 def _single(file: Path, content: dict[str, object]) -> Scene:
-    if "base_radius" in content and "robot" not in content:
-        raise SceneError(file, "", None, "a scene file, which names it as robot", "is a robot file")
+    for key, (kind, use) in _OTHER_FILES.items():
+        if key in content and "start" not in content:
+            raise SceneError(file, "", None, f"a scene file; {use}", f"is a {kind} file")
     if "cycle" in content:
         expected = "start and goal; cycles are for deltaopt plan, check and map, and load_cycle"
         place = place_of(file, "cycle")

@@ -443,6 +443,12 @@ def test_a_robot_file_in_place_of_a_scene_file_and_the_reverse(tmp_path: Path) -
         load_robot(scene_file)
 
 
+@pytest.mark.parametrize(("name", "kind"), [("design/gear", "design"), ("sweeps/higher", "sweep")])
+def test_a_file_of_another_kind_names_its_command(name: str, kind: str) -> None:
+    with pytest.raises(SceneError, match=rf"is a {kind} file; expected .*deltaopt {kind} takes"):
+        load_scene(PROBLEMS / f"{name}.yaml")
+
+
 @pytest.mark.parametrize(
     ("name", "reason"),
     [("nowhere.yaml", "No such file"), (".", "Is a directory"), ("scene.yaml/x", "Not a dir")],
