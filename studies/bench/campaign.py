@@ -172,7 +172,7 @@ def _one_thread_each() -> Iterator[None]:
 
 
 def table(rows: Iterable[Row]) -> str:
-    """A line for each stratum, and one for all."""
+    """A line for each stratum, one for all, and the share of the possible that is good."""
     rows = list(rows)
     lines = [
         f"{'stratum':<22}{'moves':>6}{'good':>6}{'failed':>8}{'refused':>9}{'impossible':>12}"
@@ -182,7 +182,10 @@ def table(rows: Iterable[Row]) -> str:
         own = [row for row in rows if stratum in (row.stratum, "all")]
         if own:
             lines.append(_line(stratum, own))
-    return "\n".join(lines)
+    possible = [row for row in rows if not row.is_impossible]
+    good = sum(not row.problem for row in possible) / len(possible) if possible else np.nan
+    last = f"of the {len(possible)} that are not known to be impossible {100 * good:.2f} % are good"
+    return "\n".join([*lines, last])
 
 
 def told(rows: Iterable[Row]) -> list[str]:
