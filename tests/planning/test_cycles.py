@@ -24,6 +24,7 @@ from deltaopt import (
     verify,
 )
 from deltaopt.output.cycle_files import verified
+from deltaopt.robot.drive import Friction
 from deltaopt.scene.bodies import Body
 from studies.problems import PROBLEMS
 from tests.oracles.cycle import Asked, Leg, best_cycle
@@ -331,6 +332,30 @@ def test_motors_cool_in_a_wait_where_no_speed_keeps_them_cool():
     assert max(found.rms_torque) <= 3.3 + 1e-9
     assert found.dwells[1] > 0.3
     assert found.period < 1.01 * given.period
+
+
+def test_legs_that_end_moving_and_hardly_keep_their_limits_are_planned():
+    """Under friction both legs leap from one motion to another as prices change, to and fro about
+    the limits, which no round kept by a thousandth, and the cycle was refused."""
+    friction = Friction(viscous=0.8, coulomb=4.0, speed=0.05)
+    drive = INDUSTRIAL.drive.model_copy(update={"friction": friction})
+    robot = INDUSTRIAL.model_copy(update={"drive": drive})
+    slow = State(
+        at=(0.7567446582750361, -0.1614436759557476, -0.31387129943508374),
+        velocity=(0.1232284328824792, -0.06892021592421498, 0.03769090331550445),
+    )
+    fast = State(
+        at=(0.6190197688000134, 0.04527044914703904, -0.2203866825667372),
+        velocity=(-0.9886530530669071, -1.353976532190008, -0.3374542817651709),
+    )
+    ends = ((slow, fast), (fast, slow))
+    legs = tuple(
+        Scene(robot=robot, payload=0.4622392543828292, start=start, goal=goal)
+        for start, goal in ends
+    )
+    found = plan_cycle(Cycle(legs=legs, rms_torque=24.0))
+    assert verified(found).ok
+    assert max(found.rms_torque) <= 24.0 + 1e-9
 
 
 def test_what_rules_a_leg_out_has_its_number():

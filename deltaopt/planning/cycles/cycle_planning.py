@@ -22,7 +22,7 @@ import numpy as np
 
 from deltaopt.errors import Infeasible
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
-from deltaopt.planning.cycles.priced_legs import PricedLegs, Round
+from deltaopt.planning.cycles.priced_legs import SPARED, PricedLegs, Round
 from deltaopt.planning.cycles.prices import broyden
 from deltaopt.planning.journal import Progress
 from deltaopt.scene.cycle import Cycle
@@ -34,8 +34,10 @@ _MOST_ROUNDS = 30
 _PATIENCE, _LESS = 6, 0.9
 """After how many rounds in which the gap did not fall to this share of what it was no more are
 made: where legs are known no better, as with friction."""
-_HOPELESS = 20
-"""After how many rounds of which none kept all limits there is no cycle."""
+_NARROWLY, _HOPELESS = 8, 20
+"""After how many rounds of which none kept all limits twice as much is spared in each as in the one
+before, for legs that hardly keep them may leap, as with friction; and after how many there is no
+cycle."""
 
 
 def plan_cycle(
@@ -90,12 +92,14 @@ def plan_cycle(
         if (done and afresh) or (best is None and number > _HOPELESS):
             break
         afresh = done or waits  # legs that linger where they are cool are near no others
-        excess = sought.excess(found)
+        narrowly = 0 if best else max(0, len(rounds) - _NARROWLY)
+        spared = SPARED * 2.0**narrowly
+        excess = sought.excess(found, spared)
         if is_elsewhere:
             slopes = sought.slopes(rounds[-1])
         else:
             before = rounds[-2]
-            change = excess - sought.excess(before.found)
+            change = excess - sought.excess(before.found, spared)
             slopes = broyden(slopes, prices - before.prices, change)
         if not done:
             prices = sought.next(prices, excess, slopes)

@@ -36,7 +36,7 @@ from deltaopt.scene.objective import Effort, Objective, TimeAndEfforts
 
 _LEGS_SHARE = 0.5
 """Of the tolerance: the gap of each leg. The rest is for prices that are not quite right."""
-_SPARED = 0.2
+SPARED = 0.2
 """Of the tolerance: by what share less is aimed at, about, of squared torques where legs that end
 moving cannot be slowed until the limits are kept, and of a given period, which legs that take
 longer do not keep, however little it is."""
@@ -136,10 +136,11 @@ class PricedLegs:
         found = CyclePlan(cycle, tuple(legs), dwells, tolerance=self.tolerance)
         return found if cycle.period is None else self._with_waits(found)
 
-    def excess(self, found: CyclePlan) -> Array:
+    def excess(self, found: CyclePlan, spared: float = SPARED) -> Array:
         """How far what has a price is above what is aimed at, in the order of the prices: in the
-        powers that fall in proportion to prices where slower motions have the same shape."""
-        spared = 1 + _SPARED * self.tolerance
+        powers that fall in proportion to prices where slower motions have the same shape.
+        ``spared``: as ``SPARED``."""
+        spared = 1 + spared * self.tolerance
         used = (found.squares / (self.limits * found.period)) ** (4 / 3)
         if any(leg.moves_at_ends for leg in self.cycle.legs):
             used = used * spared
