@@ -13,7 +13,7 @@ from math import inf
 import numpy as np
 import pytest
 
-from deltaopt import Cycle, Plan, Planner, Scene, load_robot, plan, plan_cycle, verify
+from deltaopt import Cycle, Plan, Planner, Scene, load_robot, load_scene, plan, plan_cycle, verify
 from deltaopt.errors import DeltaOptError, Infeasible, Unreachable
 from deltaopt.planning.first_motions.initial_motion import detour, line, roughly_fastest
 from deltaopt.planning.first_motions.order_of_merit import (
@@ -135,6 +135,18 @@ def test_first_motions_are_in_order_of_merit():
     first, second, *_ = islice(in_order_of_merit(slow), 3)
     assert first.duration < 1
     assert first.duration < second.duration
+
+
+def test_the_first_motion_in_a_tube_is_on_its_axis_and_not_slowed(monkeypatch):
+    """It takes as long as the fastest along the axis, which is slowed to its limits between points:
+    under friction that once took twenty times as long as all else."""
+    tube = load_scene("problems/paths/tube.yaml")
+    along_axis = plan(tube.on_its_path)
+    monkeypatch.setattr(
+        "deltaopt.planning.path.path_planning.safe_factor", lambda *_: pytest.fail("slowed")
+    )
+    motion = next(in_order_of_merit(tube))
+    assert motion.duration == pytest.approx(along_axis.duration, rel=2e-3)
 
 
 def test_a_move_without_a_way_is_refused_with_what_was_searched(monkeypatch):

@@ -27,7 +27,7 @@ from deltaopt.planning.first_motions.initial_motion import (
     roughly_fastest,
 )
 from deltaopt.planning.first_motions.roadmap import STEPS, roadmap_motions, spacing
-from deltaopt.planning.path.path_planning import fastest_on_path
+from deltaopt.planning.path.path_planning import fastest_on_path, roughly_on_path
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
 from deltaopt.scene.known_limits import limits_of
@@ -79,7 +79,7 @@ def rounds(scene: Scene) -> Iterator[Iterator[Proposal]]:
     the second round if there was no motion in either, and Infeasible before it where every path
     leads through a parallel singularity.
     """
-    axis = None if scene.tube is None else if_possible(RULED_OUT, timed_axis, scene)
+    axis = None if scene.tube is None else if_possible(RULED_OUT, _roughly_timed_axis, scene)
     if axis is not None:
         yield iter([Proposal("the tube's axis", axis)])
         return
@@ -99,6 +99,12 @@ def timed_axis(scene: Scene) -> Trajectory:
     """
     on_path = without_bodies(scene.on_its_path)
     return fastest_on_path(on_path, _OF_AXIS, lambda _: None).trajectory
+
+
+def _roughly_timed_axis(scene: Scene) -> Trajectory:
+    """That motion as a first one, which is not slowed to its limits between points of a mesh: under
+    friction that can take a hundred times as long as to plan from it."""
+    return roughly_on_path(without_bodies(scene.on_its_path), _OF_AXIS)
 
 
 def _noted(proposals: Iterator[Proposal], found: list[Proposal]) -> Iterator[Proposal]:

@@ -97,6 +97,23 @@ def fastest_on_path(scene: Scene, tolerance: float, report: Progress) -> Plan:
     )
 
 
+def roughly_on_path(scene: Scene, tolerance: float) -> Trajectory:
+    """The fastest motion from rest to rest on the path of a scene's task as a mesh has it, between
+    whose points it may exceed limits by about the tolerance.
+
+    Raises Infeasible where no motion on the path keeps the limits, Unreachable and Singular where
+    the path leads out of the workspace.
+    """
+    timing = PathTiming(PathRows.of(scene), (0.0, 0.0), tolerance, lambda _: None)
+    found, _ = timing.fastest(_SHARES[0])
+    return _on_mesh(scene, found)
+
+
+def _on_mesh(scene: Scene, found: OnMesh) -> Trajectory:
+    """The motion of a mesh, which is not slowed."""
+    return Trajectory(found.motion.position, model_of(scene.robot, scene.payload))
+
+
 def _waiting(scene: Scene, task: OnPath, trajectory: Trajectory) -> Trajectory:
     """A motion slowed until a fourth axis has turned. Raises Infeasible where it cannot be."""
     least = scene.least_duration
@@ -115,7 +132,7 @@ def _slowed(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, OnMesh
     best: tuple[Trajectory, float, OnMesh] | None = None
     for share in _SHARES:
         found, loss = timing.fastest(share)
-        trajectory = Trajectory(found.motion.position, model_of(scene.robot, scene.payload))
+        trajectory = _on_mesh(scene, found)
         factor = safe_factor(problem_of(scene), trajectory) * _ROUNDING
         if isinf(factor):
             _require_positions(scene, trajectory)
