@@ -100,10 +100,6 @@ def boundary(asked: Boundary, scaling: Scaling, accuracy: float = 0.0) -> PhaseB
     return PhaseBoundary(state, free, scaling.velocity(asked.belt), radius)
 
 
-_DIGITS = 9
-"""Decimals of places in thirds: thirds are no binary fractions."""
-
-
 @dataclass(frozen=True)
 class FlatEquations:
     """The equations of the flat problem, compiled, from which problems on meshes are made."""
@@ -149,6 +145,10 @@ def _method(
         if equations.rates_peak:
             points = AT_BOTH_ENDS
     return interior_point(problem, points)
+
+
+_DIGITS = 9
+"""Decimals of places in thirds: thirds are no binary fractions."""
 
 
 @dataclass(frozen=True)

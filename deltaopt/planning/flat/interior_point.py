@@ -16,7 +16,6 @@ import logging
 import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import Any, Self
 
 import numpy as np
@@ -341,9 +340,8 @@ def _pointer(array: NDArray[np.generic]) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
 
 
-@lru_cache(maxsize=64)
 def interior_point(problem: PointProblem, points: IntervalPoints) -> CompiledMethod | None:
-    """The method for a point problem, made once in a process; None without machine code."""
+    """The method for a point problem; None without machine code."""
     if len(points.fractions) % LANES:
         return None
     built = library(source(problem, len(points.fractions)))
