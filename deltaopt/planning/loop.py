@@ -38,7 +38,7 @@ from deltaopt.planning.first_motions.order_of_merit import (
     CrossesSingularity,
     crosses_singularity,
     first_motion,
-    timed_axis,
+    require_axis,
 )
 from deltaopt.planning.first_motions.passages import paths_of_lines
 from deltaopt.planning.journal import Journal
@@ -206,7 +206,7 @@ class Loop:
             best = best and _in_given_time(scene, best)
             if best is None:
                 if scene.tube is not None:
-                    timed_axis(scene)  # raises what rules it out, if that is known
+                    require_axis(scene)  # raises what rules it out, if that is known
                 if not isinstance(error, NotConverged):
                     raise
                 ruled_out = sorted({_in_the_way(scene, *named) for named in names.items()})

@@ -139,14 +139,14 @@ class PricedLegs:
     def excess(self, found: CyclePlan, spared: float = SPARED) -> Array:
         """How far what has a price is above what is aimed at, in the order of the prices: in the
         powers that fall in proportion to prices where slower motions have the same shape.
-        ``spared``: as ``SPARED``."""
-        spared = 1 + spared * self.tolerance
+        ``spared``: by what share of the tolerance less is aimed at, where that has to be."""
+        larger = 1 + spared * self.tolerance
         used = (found.squares / (self.limits * found.period)) ** (4 / 3)
         if any(leg.moves_at_ends for leg in self.cycle.legs):
-            used = used * spared
+            used = used * larger
         if self.cycle.period is not None:
             allowed = self.cycle.period - self.dwelt
-            used = np.append(((found.at_work - self.dwelt) / allowed) ** 4 * spared, used)
+            used = np.append(((found.at_work - self.dwelt) / allowed) ** 4 * larger, used)
         return np.asarray(1 - 1 / np.maximum(used, _LEAST_USED))
 
     def is_kept(self, found: CyclePlan) -> bool:

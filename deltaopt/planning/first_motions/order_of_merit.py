@@ -79,7 +79,7 @@ def rounds(scene: Scene) -> Iterator[Iterator[Proposal]]:
     the second round if there was no motion in either, and Infeasible before it where every path
     leads through a parallel singularity.
     """
-    axis = None if scene.tube is None else if_possible(RULED_OUT, _roughly_timed_axis, scene)
+    axis = None if scene.tube is None else if_possible(RULED_OUT, _timed_axis, scene)
     if axis is not None:
         yield iter([Proposal("the tube's axis", axis)])
         return
@@ -91,20 +91,25 @@ def rounds(scene: Scene) -> Iterator[Iterator[Proposal]]:
         raise Unreachable(what_was_searched(scene))
 
 
-def timed_axis(scene: Scene) -> Trajectory:
+def require_axis(scene: Scene) -> None:
+    """Raise Infeasible, Unreachable or Singular where the path that a scene's tube is about cannot
+    be driven, whatever bodies are on it."""
+    fastest_on_path(_along_axis(scene), _OF_AXIS, lambda _: None)
+
+
+def _timed_axis(scene: Scene) -> Trajectory:
     """The fastest motion on the path that a scene's tube is about, roughly: it is in the tube, but
-    may lead through bodies.
+    may lead through bodies. It is not slowed to its limits between points of a mesh: under friction
+    that can take twenty times as long as to plan from it.
 
     Raises Infeasible, Unreachable or Singular where the path cannot be driven.
     """
-    on_path = without_bodies(scene.on_its_path)
-    return fastest_on_path(on_path, _OF_AXIS, lambda _: None).trajectory
+    return roughly_on_path(_along_axis(scene), _OF_AXIS)
 
 
-def _roughly_timed_axis(scene: Scene) -> Trajectory:
-    """That motion as a first one, which is not slowed to its limits between points of a mesh: under
-    friction that can take a hundred times as long as to plan from it."""
-    return roughly_on_path(without_bodies(scene.on_its_path), _OF_AXIS)
+def _along_axis(scene: Scene) -> Scene:
+    """A scene in a tube as if its tool had to stay on the tube's axis, and there were no bodies."""
+    return without_bodies(scene.on_its_path)
 
 
 def _noted(proposals: Iterator[Proposal], found: list[Proposal]) -> Iterator[Proposal]:

@@ -99,7 +99,7 @@ def fastest_on_path(scene: Scene, tolerance: float, report: Progress) -> Plan:
 
 def roughly_on_path(scene: Scene, tolerance: float) -> Trajectory:
     """The fastest motion from rest to rest on the path of a scene's task as a mesh has it, between
-    whose points it may exceed limits by about the tolerance.
+    whose points it may exceed limits. ``tolerance``: for which the mesh is fine enough.
 
     Raises Infeasible where no motion on the path keeps the limits, Unreachable and Singular where
     the path leads out of the workspace.
