@@ -110,8 +110,8 @@ class Functions(ABC):
 
     @property
     @abstractmethod
-    def payload(self) -> int | None:
-        """Which of the parameters is the payload's mass; None without payload."""
+    def payload(self) -> int:
+        """Which of the parameters is the payload's mass."""
 
     def layers(self, p: SX) -> Sequence[tuple[SX, SX]]:
         """Of each part of the actuators' forces that changes its sign within a moment, as Coulomb

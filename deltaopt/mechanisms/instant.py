@@ -49,7 +49,7 @@ class PlatformInstant:
     @cached_property
     def tau_per_payload(self) -> SX:
         """By how much the actuators' forces grow with the payload's mass, 3: along a given
-        motion they are affine in it. Of mechanisms with a payload."""
+        motion they are affine in it."""
         return _payload_slope(self.functions)(self.x, self.v, self.a, self.p)
 
     @property
@@ -210,9 +210,8 @@ class CoordinateInstant:
     @property
     def _heavier(self) -> SX:
         """The parameters with 1 kg more payload."""
-        p, payload = SX(self._p), self._functions.payload
-        assert payload is not None
-        p[payload] += 1.0
+        p = SX(self._p)
+        p[self._functions.payload] += 1.0
         return p
 
     @property
@@ -308,7 +307,6 @@ def _rate_function(function: ca.Function, sizes: tuple[int, ...]) -> ca.Function
 @lru_cache(maxsize=32)
 def _payload_slope(functions: Functions) -> ca.Function:
     """(x, v, a, p) -> by how much torques grow with the payload's mass, 3."""
-    assert functions.payload is not None
     x, v, a, tau, p, force = functions.affine_equations()
     mass = p[functions.payload]
     slope = -ca.inv_minor(ca.jacobian(force, tau)) @ ca.jacobian(force, mass)

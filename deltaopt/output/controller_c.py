@@ -139,14 +139,12 @@ def c_functions(robot: Robot) -> list[ca.Function]:
 
     The last argument of the dynamics is the payload, kg.
     """
-    model = DeltaModel(robot, payload=1.0)
+    model = DeltaModel(robot)
     functions = delta_functions(model.functions.terms, Explicit())
     x, v, a, theta = (SX.sym(name, 3) for name in ("x", "v", "a", "theta"))
     payload = SX.sym("payload")
-    names = model.functions.terms.names
-    p = ca.vertcat(
-        *(payload if n == "m2" else v for n, v in zip(names, model.parameters, strict=True))
-    )
+    p = SX(model.parameters)
+    p[functions.payload] = payload
     angles = functions.inverse_kinematics(x, p)[3::3]
     *_, speeds, accelerations = functions.explicit_equations(x, v, a, SX.zeros(3), p)
     position = functions.forward_kinematics(theta, p)

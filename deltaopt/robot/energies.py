@@ -33,7 +33,7 @@ def delta_energies(mechanism: Mechanism, p: DeltaParameters) -> Energies | None:
     pushing, braking, viscous = most.tolist()
     gravity = np.array([_number(each) for each in (p.g, p.g_y, p.g_z)])
     along, across = p.a2 if p.b1 is None else p.b1, _number(p.b2)
-    centre, mass = float(np.hypot(along, across)), float(p.m1) + _number(p.m2)
+    centre, mass = float(np.hypot(along, across)), float(p.m1) + float(p.m2)
     moment = float(p.m3) * centre + float(p.m4) * float(p.a2)
     return Energies(
         arm_inertia=float(p.I33) + float(p.m3) * centre**2,
@@ -58,7 +58,7 @@ def _most_load(mechanism: Mechanism, p: DeltaParameters) -> Array:
     each = ca.horzcat(*(ca.vertcat(of.pushing, of.braking, of.by_speed) for of in most))
     function = ca.Function("acting", [mechanism.parameters], [mass, each])
     moved, acting = (np.array(found) for found in function(p.values()))
-    expected = p.m1 + _number(p.m2) + 3 * (p.m3 + p.m4)
+    expected = p.m1 + p.m2 + 3 * (p.m3 + p.m4)
     on_arms = acting.shape[1] == len(AZIMUTHS) and mechanism.potential.is_zero()
     known = on_arms and np.isclose(moved.item(), expected, rtol=1e-9)
     return np.asarray(acting.max(axis=1) if known else np.full(3, np.inf))

@@ -48,7 +48,7 @@ def delta_parameters(robot: Robot, payload: float | None) -> DeltaParameters:
         a3=bars.length / 2,
         a4=robot.platform_radius,
         m1=robot.platform.mass + 3 * (robot.platform.pins or 0.0) + tool_mass,
-        m2=payload,
+        m2=payload or 0.0,
         m3=mass,
         m4=bars.mass,
         I33=inertia,
@@ -156,7 +156,7 @@ class DeltaModel(Model):
     def mass(self) -> float:
         """The mass of all bodies of a kind, kg."""
         p = self.numbers
-        return float(p.m1 + (p.m2 or 0.0) + p.m3 + p.m4)
+        return float(p.m1 + p.m2 + p.m3 + p.m4)
 
     @cached_property
     def energies(self) -> Energies | None:

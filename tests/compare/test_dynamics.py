@@ -81,7 +81,7 @@ def test_compiled_functions_give_the_same(samples: StateSamples) -> None:
 
 
 @pytest.mark.parametrize(
-    "terms", [PAPER, replace(PAPER, I42=0.002), replace(PAPER, g=None, m2=None)]
+    "terms", [PAPER, replace(PAPER, I42=0.002), replace(PAPER, g=None, m2=0.0)]
 )
 def test_printed_expressions_have_the_derived_values(terms: DeltaParameters) -> None:
     mechanism = delta(terms)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import factorial
 from pathlib import Path
 
@@ -31,7 +30,7 @@ class Motion:
     differences of eighth order."""
 
     def __init__(self, model, rng):
-        self.p = replace(model.numbers, m2=model.numbers.m2 or 0.0)
+        self.p = model.numbers
         self.powers = rng.normal(size=(4, 3)) * np.array([[0.06], [1.5], [20.0], [100.0]])
         middle = 0.45 if self.p.a3 < 0.3 else 0.75
         self.powers[0] += [middle, 0, 0]

@@ -64,7 +64,7 @@ class _Printed(Mechanism):
     def _platform(self) -> SX:
         """m₁ + m₂."""
         p = self.letters
-        return SX(p.m1) if p.m2 is None else SX(p.m1) + p.m2
+        return SX(p.m1) + p.m2
 
     def _M(self, k: int) -> SX:
         p, (q1, q2, q3) = self.letters, _chain(self.q, k)

@@ -43,9 +43,9 @@ class DeltaFunctions(Functions):
         return self.terms.symbols().vector()
 
     @property
-    def payload(self) -> int | None:
-        """Which of the parameters is the payload's mass; None without payload."""
-        return self.terms.names.index("m2") if "m2" in self.terms.names else None
+    def payload(self) -> int:
+        """Which of the parameters is the payload's mass."""
+        return self.terms.names.index("m2")
 
     def lever(self, p: SX) -> SX:
         """The length of an arm, m."""

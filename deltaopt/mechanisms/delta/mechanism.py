@@ -43,13 +43,13 @@ class DeltaParameters:
     a3: SX | float
     a4: SX | float
     m1: SX | float
+    m2: SX | float
     m3: SX | float
     m4: SX | float
     I33: SX | float
     I41: SX | float
     I43: SX | float
     I42: SX | float | None = None
-    m2: SX | float | None = None  # the payload
     g: SX | float | None = None
     g_y: SX | float | None = None
     g_z: SX | float | None = None
@@ -144,9 +144,7 @@ def delta(parameters: DeltaParameters) -> Mechanism:
     q, dq, tau = SX.sym("q", 12), SX.sym("dq", 12), SX.sym("tau", 3)
     platform = q[:3]
 
-    bodies = [Body("platform", p.m1, platform)]  # eq. (56)
-    if p.m2 is not None:
-        bodies.append(Body("payload", p.m2, platform))
+    bodies = [Body("platform", p.m1, platform), Body("payload", p.m2, platform)]  # eq. (56)
     efforts, closures = [], []
     most = sum((load.most() for load in p.loads), Most())  # that loads give to an arm and take
     for k, azimuth in enumerate(AZIMUTHS):

@@ -30,7 +30,7 @@ def angle_free_equations(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> tu
     q_{k,2}) of each chain, 3, zero where it is folded or stretched; θ̇ and θ̈, 3 each, rad/s and
     rad/s². x, v, a: of the platform's centre, 3 each, m, m/s, m/s². tau: motor torques, 3, N·m.
     """
-    mass = p.m1 if p.m2 is None else p.m1 + p.m2
+    mass = p.m1 + p.m2
     force = -mass * a
     if p.gravity is not None:
         force += mass * p.gravity
