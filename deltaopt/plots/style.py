@@ -6,6 +6,7 @@ import re
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from textwrap import fill
 from typing import Any
@@ -83,12 +84,17 @@ def figure(file: Path, width: float, height: float, message: str = "") -> Iterat
             title = fill(_UNIT.sub("\N{NO-BREAK SPACE}", verbatim(message)), int(_LETTERS * width))
             drawn.suptitle(title, x=0.01, ha="left", fontsize=LARGE)
         yield drawn
+        pixels = BytesIO()
         with catch_warnings():
             filterwarnings("ignore", "Glyph")  # no font has all signs of all names
-            drawn.savefig(temporary, dpi="figure")
+            if file.suffix == ".png":
+                drawn.savefig(pixels, dpi="figure", format="rgba")
+            else:
+                drawn.savefig(temporary, dpi="figure")
         if file.suffix == ".png":
-            with Image.open(temporary) as picture:
-                few = picture.convert("RGB").quantize(_SHADES, dither=Image.Dither.NONE)
+            size = drawn.canvas.get_width_height()
+            picture = Image.frombytes("RGBA", size, pixels.getvalue())
+            few = picture.convert("RGB").quantize(_SHADES, dither=Image.Dither.NONE)
             few.save(temporary, format="png", optimize=True)
 
 
