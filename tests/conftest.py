@@ -7,6 +7,11 @@ import os
 # Before NumPy is imported: its threads wait for each other in vain where each process has a core.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+# Before all tests are imported: what that makes stays, and to look through it takes seconds.
+import gc
+
+gc.disable()
+
 import signal
 from collections.abc import Iterator
 from typing import Any
@@ -24,6 +29,13 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     from xdist.scheduler import LoadFileScheduling
 
     return LoadFileScheduling(config, log)
+
+
+def pytest_collection_finish() -> None:
+    """What the tests are made of is not looked through for garbage again and again."""
+    gc.freeze()
+    gc.enable()
+    gc.set_threshold(10_000, *gc.get_threshold()[1:])
 
 
 @pytest.fixture(scope="session", autouse=True)
