@@ -171,13 +171,13 @@ class Outcomes:
 
     @property
     def is_good(self) -> bool:
-        """Whether a plan is good enough."""
-        return any(plan.gap <= self.enough for plan in self.plans)
+        """Whether the best plan is good enough: a longer one that is tells of another optimum."""
+        return bool(self.plans) and self.best_known().gap <= self.enough
 
     @property
     def is_near(self) -> bool:
-        """Whether a plan is near an optimum."""
-        return any(plan.gap <= _NEARLY for plan in self.plans)
+        """Whether the best plan is near an optimum."""
+        return bool(self.plans) and self.best_known().gap <= _NEARLY
 
     @property
     def is_doubtful(self) -> bool:

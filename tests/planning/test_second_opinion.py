@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 from deltaopt import Scene, load_robot, plan, verify
 from deltaopt.cli import main
 from deltaopt.errors import NotConverged
+from deltaopt.planning.attempts import Outcomes
 from deltaopt.planning.first_motions.multistart import other_motions
 from deltaopt.planning.loop import Loop
 
@@ -80,6 +82,18 @@ def test_others_are_looked_at_where_the_usual_ones_lead_to_no_plan(monkeypatch):
     assert "the usual ones led to no plan, 1 of these did" in found.searched
     with pytest.raises(NotConverged):
         plan(scene)
+
+
+def test_a_longer_plan_near_its_optimum_says_nothing_of_the_best_one(picked):
+    slower = replace(picked, trajectory=picked.trajectory.slowed(1.4), gap=5e-4)
+    so_far = Outcomes(picked.scene, enough=1e-3)
+    so_far.add(slower)
+    assert so_far.is_good
+    so_far.add(replace(picked, gap=0.02))
+    assert not so_far.is_good
+    assert not so_far.is_near
+    so_far.add(replace(picked, trajectory=picked.trajectory.slowed(1.0001), gap=5e-4))
+    assert so_far.is_good  # it bounds the best one too
 
 
 def test_a_refusal_in_a_tube_names_the_body():
