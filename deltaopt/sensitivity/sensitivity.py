@@ -110,11 +110,16 @@ def sensitivity(found: Found, keys: Collection[str] | None = None) -> tuple[Sens
     robot, or on those with some ``keys`` alone; those first of which a step changes it most.
 
     Numbers that are in no equation, such as a mass of 0, are left out. Raises SceneError where the
-    dependence is not known, and NotConverged.
+    dependence is not known, and for a key of no number that is given, and NotConverged.
     """
     meshes: Meshes = priced_motions(found) if isinstance(found, Plan) else priced_cycles(found)
     content = content_of(found.scene if isinstance(found, Plan) else found.cycle)
-    numbers = (each for each in numbers_in(content) if keys is None or each.key in keys)
+    given = {each.key: each for each in numbers_in(content)}
+    for key in keys or ():
+        if key not in given:
+            expected = "the key of one, such as robot.upper_arm.length or start[0]"
+            raise SceneError(None, key, None, expected, "is no number that is given")
+    numbers = given.values() if keys is None else (given[key] for key in keys)
     duration = found.trajectory.duration
     each = (_of_number(content, number, meshes, duration) for number in numbers)
     return tuple(sorted((one for one in each if one), key=lambda one: -one.told))

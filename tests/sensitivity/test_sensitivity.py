@@ -128,6 +128,12 @@ def test_where_they_are_not_known(name, words):
         planned(shipped(name), 1e-3).sensitivity()
 
 
+@pytest.mark.parametrize("key", ["tube", "drive.torque"])
+def test_a_key_of_no_number_is_refused(key):
+    with pytest.raises(deltaopt.SceneError, match=f"{key} is no number that is given"):
+        planned(shipped("pick_and_place"), 1e-3).sensitivity(["payload", key])
+
+
 def test_told_by_the_command(tmp_path, capsys):
     command = [
         "plan",
