@@ -349,8 +349,8 @@ def bounds_in_words(lower: Array, upper: Array) -> str:
 
 def _masses(p: DeltaParameters, least_payload: float | None) -> str:
     least = "" if least_payload is None else f"{least_payload:g} to "
-    payload = f"payload {least}{p.m2:g} kg"
-    return f"platform {p.m1:g} kg, {payload}, 3 arms {p.m3:g} kg, 3 pairs of bars {p.m4:g} kg"
+    moved = f"platform {p.m1:g} kg, payload {least}{p.m2:g} kg"
+    return f"{moved}, 3 arms {p.m3:g} kg, 3 pairs of bars {p.m4:g} kg"
 
 
 def _inertias(p: DeltaParameters) -> str:

@@ -16,11 +16,9 @@ import numpy as np
 
 from deltaopt.codegen.simd_c import c_function
 from deltaopt.curves.piecewise import Array
-from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.dynamics.virtual_work import VirtualWork
 from deltaopt.files.output_folder import write_texts
-from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import DeltaModel
@@ -140,10 +138,9 @@ def c_functions(robot: Robot) -> list[ca.Function]:
     The last argument of the dynamics is the payload, kg.
     """
     model = DeltaModel(robot)
-    functions = delta_functions(model.functions.terms, Explicit())
+    functions, p = model.functions, SX(model.parameters)
     x, v, a, theta = (SX.sym(name, 3) for name in ("x", "v", "a", "theta"))
     payload = SX.sym("payload")
-    p = SX(model.parameters)
     p[functions.payload] = payload
     angles = functions.inverse_kinematics(x, p)[3::3]
     *_, speeds, accelerations = functions.explicit_equations(x, v, a, SX.zeros(3), p)

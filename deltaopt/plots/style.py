@@ -84,14 +84,12 @@ def figure(file: Path, width: float, height: float, message: str = "") -> Iterat
             title = fill(_UNIT.sub("\N{NO-BREAK SPACE}", verbatim(message)), int(_LETTERS * width))
             drawn.suptitle(title, x=0.01, ha="left", fontsize=LARGE)
         yield drawn
-        pixels = BytesIO()
+        pixels, few_colours = BytesIO(), file.suffix == ".png"
+        to, as_what = (pixels, "rgba") if few_colours else (temporary, None)
         with catch_warnings():
             filterwarnings("ignore", "Glyph")  # no font has all signs of all names
-            if file.suffix == ".png":
-                drawn.savefig(pixels, dpi="figure", format="rgba")
-            else:
-                drawn.savefig(temporary, dpi="figure")
-        if file.suffix == ".png":
+            drawn.savefig(to, dpi="figure", format=as_what)
+        if few_colours:
             size = drawn.canvas.get_width_height()
             picture = Image.frombytes("RGBA", size, pixels.getvalue())
             few = picture.convert("RGB").quantize(_SHADES, dither=Image.Dither.NONE)

@@ -31,8 +31,8 @@ def delta_energies(mechanism: Mechanism, p: DeltaParameters) -> Energies | None:
     if not np.isfinite(most).all():
         return None
     pushing, braking, viscous = most.tolist()
-    gravity = np.array([_number(each) for each in (p.g, p.g_y, p.g_z)])
-    along, across = p.a2 if p.b1 is None else p.b1, _number(p.b2)
+    gravity = np.array([each or 0.0 for each in (p.g, p.g_y, p.g_z)], dtype=float)
+    along, across = p.a2 if p.b1 is None else p.b1, p.b2 or 0.0
     centre, mass = float(np.hypot(along, across)), float(p.m1) + float(p.m2)
     moment = float(p.m3) * centre + float(p.m4) * float(p.a2)
     return Energies(
@@ -62,11 +62,6 @@ def _most_load(mechanism: Mechanism, p: DeltaParameters) -> Array:
     on_arms = acting.shape[1] == len(AZIMUTHS) and mechanism.potential.is_zero()
     known = on_arms and np.isclose(moved.item(), expected, rtol=1e-9)
     return np.asarray(acting.max(axis=1) if known else np.full(3, np.inf))
-
-
-def _number(value: object) -> float:
-    """A parameter of the model, 0 if it is absent."""
-    return 0.0 if value is None else float(value)  # type: ignore[arg-type]
 
 
 def _opposite_mass(p: DeltaParameters) -> float:

@@ -115,12 +115,12 @@ def sensitivity(found: Found, keys: Collection[str] | None = None) -> tuple[Sens
     meshes: Meshes = priced_motions(found) if isinstance(found, Plan) else priced_cycles(found)
     content = content_of(found.scene if isinstance(found, Plan) else found.cycle)
     given = {each.key: each for each in numbers_in(content)}
-    for key in keys or ():
-        if key not in given:
-            expected = "the key of one, such as robot.upper_arm.length or start[0]"
-            raise SceneError(None, key, None, expected, "is no number that is given")
-    numbers = given.values() if keys is None else (given[key] for key in keys)
+    unknown = set(keys or ()) - given.keys()
+    if unknown:
+        expected = "the key of one, such as robot.upper_arm.length or start[0]"
+        raise SceneError(None, min(unknown), None, expected, "is no number that is given")
     duration = found.trajectory.duration
+    numbers = (each for key, each in given.items() if keys is None or key in keys)
     each = (_of_number(content, number, meshes, duration) for number in numbers)
     return tuple(sorted((one for one in each if one), key=lambda one: -one.told))
 
