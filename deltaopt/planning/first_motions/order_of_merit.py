@@ -73,7 +73,7 @@ def in_order_of_merit(scene: Scene) -> Iterator[Trajectory]:
 
 def rounds(scene: Scene) -> Iterator[Iterator[Proposal]]:
     """First motions in order of merit, in two rounds: lines and curves, then paths over a grid. In
-    a tube its axis alone, unless that is ruled out.
+    a tube its axis alone, unless that is ruled out, and then those that stay in it.
 
     The second takes longer, and is better where the workspace is narrow. Raises Unreachable after
     the second round if there was no motion in either, and Infeasible before it where every path
@@ -84,7 +84,10 @@ def rounds(scene: Scene) -> Iterator[Iterator[Proposal]]:
         yield iter([Proposal("the tube's axis", axis)])
         return
     found: list[Proposal] = []
-    yield _noted(_lines_and_curves(scene), found)
+    simple = _lines_and_curves(scene)
+    if scene.tube is not None:
+        simple = (p for p in simple if _is_in_tube(scene, _cubics(p.motion, _FINEST)))
+    yield _noted(simple, found)
     require_ends_on_one_side(scene)
     yield _noted(_over_a_grid(scene), found)
     if not found:
@@ -209,13 +212,15 @@ def intervals_for(motion: Trajectory, intervals: int) -> int:
 def intervals_in_tube(scene: Scene, motion: Trajectory, intervals: int) -> int:
     """With how many equal intervals, at least those given and at most ``_FINEST`` times as many,
     cubics through a motion's states at the knots stay in the tube of a scene, if with any."""
+    stays = (each for each in (1, 2, 4) if _is_in_tube(scene, _cubics(motion, each * intervals)))
+    return next(stays, _FINEST) * intervals
+
+
+def _is_in_tube(scene: Scene, cubics: PiecewisePolynomial) -> bool:
+    """Whether cubics stay in the tube of a scene, at samples."""
     rows = limits_of(scene).constraints.slid_along
-    for factor in (1, 2, 4):
-        cubics = _cubics(motion, factor * intervals)
-        sizes = sizes_at(problem_of(scene), cubics.coefficients, np.diff(cubics.knots), _TRIED)
-        if sizes[:, :, rows].max() <= 1:
-            return factor * intervals
-    return _FINEST * intervals
+    sizes = sizes_at(problem_of(scene), cubics.coefficients, np.diff(cubics.knots), _TRIED)
+    return bool(sizes[:, :, rows].max() <= 1)
 
 
 def _cubics(motion: Trajectory, intervals: int) -> PiecewisePolynomial:
