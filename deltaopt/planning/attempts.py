@@ -171,13 +171,19 @@ class Outcomes:
 
     @property
     def is_good(self) -> bool:
-        """Whether the best plan is good enough: a longer one that is tells of another optimum."""
-        return bool(self.plans) and self.best_known().gap <= self.enough
+        """Whether a plan is good enough that is the best, or hardly dearer."""
+        return self._is_within(self.enough)
 
     @property
     def is_near(self) -> bool:
-        """Whether the best plan is near an optimum."""
-        return bool(self.plans) and self.best_known().gap <= _NEARLY
+        """Whether a plan is near an optimum that is the best, or hardly dearer."""
+        return self._is_within(_NEARLY)
+
+    def _is_within(self, gap: float) -> bool:
+        """Whether a plan is within a gap, and by no more than that dearer than the best: what is
+        dearer is near another optimum."""
+        most = (1 + gap) * min((plan.cost for plan in self.plans), default=inf)
+        return any(plan.gap <= gap and plan.cost <= most for plan in self.plans)
 
     @property
     def is_doubtful(self) -> bool:

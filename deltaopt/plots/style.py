@@ -90,8 +90,7 @@ def figure(file: Path, width: float, height: float, message: str = "") -> Iterat
             filterwarnings("ignore", "Glyph")  # no font has all signs of all names
             drawn.savefig(to, dpi="figure", format=as_what)
         if few_colours:
-            size = drawn.canvas.get_width_height()
-            picture = Image.frombytes("RGBA", size, pixels.getvalue())
+            picture = Image.frombytes("RGBA", drawn.canvas.get_width_height(), pixels.getvalue())
             few = picture.convert("RGB").quantize(_SHADES, dither=Image.Dither.NONE)
             few.save(temporary, format="png", optimize=True)
 

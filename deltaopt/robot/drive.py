@@ -78,8 +78,8 @@ class Drive(Record):
     along when it drives the arm, in rad/s and N·m; its last speed is a limit. ``torque_rate``: the
     largest, N·m/s at the arm. What is None is not limited, or not modelled.
 
-    Given a ``motor``, and a ``brake`` and ``gear`` if there are any, those numbers are computed
-    from them. Friction is that at the arm in any case.
+    A ``motor``, with a ``brake`` and a ``gear`` if there are any, stands in place of ``torque`` and
+    of those of the other numbers that follow from it. Friction is that at the arm in any case.
     """
 
     torque: Annotated[PerMotor, TORQUE] = Field(

@@ -40,7 +40,9 @@ def delta_energies(mechanism: Mechanism, p: DeltaParameters) -> Energies | None:
         arm=2 * float(p.a2),
         mass=mass,
         same=float(p.m4) / 4,
-        opposite=_opposite_mass(p),
+        # The energy of the bars' rotation is at least I |u - w|² / (2 (2 a₃)²), with I the lesser
+        # transverse moment.
+        opposite=min(float(p.I41), float(p.I43)) / (2 * float(p.a3)) ** 2,
         bars=3 * float(p.m4),
         gravity=moment * _in_planes_of_arms(gravity),
         pushing=pushing,
@@ -62,12 +64,6 @@ def _most_load(mechanism: Mechanism, p: DeltaParameters) -> Array:
     on_arms = acting.shape[1] == len(AZIMUTHS) and mechanism.potential.is_zero()
     known = on_arms and np.isclose(moved.item(), expected, rtol=1e-9)
     return np.asarray(acting.max(axis=1) if known else np.full(3, np.inf))
-
-
-def _opposite_mass(p: DeltaParameters) -> float:
-    """I / (2 a₃)², kg, with I the lesser transverse moment of inertia of the bars: the energy of
-    their rotation is at least half of that times |u - w|²."""
-    return min(float(p.I41), float(p.I43)) / (2 * float(p.a3)) ** 2
 
 
 def _in_planes_of_arms(gravity: Array) -> Array:

@@ -93,7 +93,7 @@ def test_a_longer_plan_near_its_optimum_says_nothing_of_the_best_one(picked):
     assert not so_far.is_good
     assert not so_far.is_near
     so_far.add(replace(picked, trajectory=picked.trajectory.slowed(1.0001), gap=5e-4))
-    assert so_far.is_good  # it bounds the best one too
+    assert so_far.is_good  # hardly longer than the best
 
 
 def test_a_refusal_in_a_tube_names_the_body():
