@@ -66,7 +66,8 @@ def design(
 ) -> Designed:
     """The best design of a file.
 
-    ``derivatives``: whether those of plans are used, or the optimiser does without. ``tolerance``:
+    ``derivatives``: whether those of plans are used, where each change is of one number, or the
+    optimiser does without. ``tolerance``:
     of plans. ``progress``: is called with a line of text for each choice of rows. Raises SceneError
     for a file that cannot be used, Infeasible where no design is found, and MissingPackage.
 
@@ -83,7 +84,8 @@ def design(
         if found and bound >= min(each.value for each in found):
             passed_over += 1
             continue
-        search = _Search(given, choice, tolerance, derivatives)
+        are_known = derivatives and given.changes_numbers(choice)
+        search = _Search(given, choice, tolerance, are_known)
         best = search.best()
         evaluations += len(search.known)
         tell(f"{choice.name}: {'no plan' if best is None else f'{best.value:.6g}'}")

@@ -71,6 +71,12 @@ def test_the_best_gear_is_that_of_equal_inertias(folder, over, derivatives):
     assert found.evaluations < (12 if derivatives else 40)
 
 
+def test_a_change_by_a_factor_is_one_without_known_derivatives(folder):
+    factor = GEAR.replace("ratio, least: 8, most: 60", "ratio times, least: 0.4, most: 3")
+    found = deltaopt.design(written(folder, f"scenes: [near.yaml]\n{factor}"))
+    assert found.best.values == pytest.approx([RATIO / 20], rel=2e-3)
+
+
 def test_what_a_gear_costs_and_what_a_scene_may_take(folder):
     """A price makes the ratio smaller, as far as the scene may take so long."""
     text = f"scenes: [far.yaml]\nlongest: 34 ms\n{GEAR.replace('most: 60', 'most: 60, price: 1')}"

@@ -43,7 +43,7 @@ class DeltaParameters:
     a3: SX | float
     a4: SX | float
     m1: SX | float
-    m2: SX | float
+    m2: SX | float  # the payload, 0 without one
     m3: SX | float
     m4: SX | float
     I33: SX | float
