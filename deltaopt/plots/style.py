@@ -84,12 +84,12 @@ def figure(file: Path, width: float, height: float, message: str = "") -> Iterat
             title = fill(_UNIT.sub("\N{NO-BREAK SPACE}", verbatim(message)), int(_LETTERS * width))
             drawn.suptitle(title, x=0.01, ha="left", fontsize=LARGE)
         yield drawn
-        pixels, few_colours = BytesIO(), file.suffix == ".png"
-        to, as_what = (pixels, "rgba") if few_colours else (temporary, None)
+        pixels, is_png = BytesIO(), file.suffix == ".png"
+        target, form = (pixels, "rgba") if is_png else (temporary, None)
         with catch_warnings():
             filterwarnings("ignore", "Glyph")  # no font has all signs of all names
-            drawn.savefig(to, dpi="figure", format=as_what)
-        if few_colours:
+            drawn.savefig(target, dpi="figure", format=form)
+        if is_png:
             picture = Image.frombytes("RGBA", drawn.canvas.get_width_height(), pixels.getvalue())
             few = picture.convert("RGB").quantize(_SHADES, dither=Image.Dither.NONE)
             few.save(temporary, format="png", optimize=True)

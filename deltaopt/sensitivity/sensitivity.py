@@ -112,13 +112,13 @@ def sensitivity(found: Found, keys: Collection[str] | None = None) -> tuple[Sens
     Numbers that are in no equation, such as a mass of 0, are left out. Raises SceneError where the
     dependence is not known, and for a key of no number that is given, and NotConverged.
     """
-    meshes: Meshes = priced_motions(found) if isinstance(found, Plan) else priced_cycles(found)
     content = content_of(found.scene if isinstance(found, Plan) else found.cycle)
     given = {each.key: each for each in numbers_in(content)}
     unknown = set(keys or ()) - given.keys()
     if unknown:
         expected = "the key of one, such as robot.upper_arm.length or start[0]"
         raise SceneError(None, min(unknown), None, expected, "is no number that is given")
+    meshes: Meshes = priced_motions(found) if isinstance(found, Plan) else priced_cycles(found)
     duration = found.trajectory.duration
     numbers = (each for key, each in given.items() if keys is None or key in keys)
     each = (_of_number(content, number, meshes, duration) for number in numbers)

@@ -50,6 +50,8 @@ workspace between its knots. A larger one would admit motions that only graze th
 _OF_A_GRID = 2
 """How many motions on the path of a grid are tried, the fastest first; they differ in how corners
 are rounded alone."""
+_PIECES = 8
+"""Cubics that stand for a first motion where it is tried whether it stays in a tube."""
 _TRIED = np.linspace(0.0, 1.0, 8, endpoint=False)
 """Fractions of an interval at which it is tried whether a motion stays in the workspace."""
 _TRIED_IN_ONE = np.linspace(0.0, 1.0, 128, endpoint=False)
@@ -86,7 +88,7 @@ def rounds(scene: Scene) -> Iterator[Iterator[Proposal]]:
     found: list[Proposal] = []
     simple = _lines_and_curves(scene)
     if scene.tube is not None:
-        simple = (p for p in simple if _is_in_tube(scene, _cubics(p.motion, _FINEST)))
+        simple = (p for p in simple if _is_in_tube(scene, _cubics(p.motion, _PIECES)))
     yield _noted(simple, found)
     require_ends_on_one_side(scene)
     yield _noted(_over_a_grid(scene), found)
