@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 from functools import cache, cached_property
-from pathlib import Path
 
 import deltaopt
 from deltaopt.compare.plans.cases import delta_case, five_bar_case
 from deltaopt.planning.nlp.points import PointFunction
-
-PROBLEMS = Path(__file__).parents[1] / "problems"
+from studies.problems import PROBLEMS
 
 
 @cache

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import yaml
 
 from deltaopt.cli import main
 from deltaopt.cli.check import drive_table
 from deltaopt.robot.drive import Drive
-
-PROBLEMS = Path(__file__).parents[2] / "problems"
+from studies.problems import PROBLEMS
 
 
 def test_every_step_from_the_catalogue_to_the_arm(capsys):

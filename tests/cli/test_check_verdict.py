@@ -13,8 +13,8 @@ from deltaopt.errors import Infeasible, SceneError, Unreachable
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene
+from studies.problems import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
 INDUSTRIAL = load_robot(PROBLEMS / "robots/industrial.yaml")
 
 

@@ -16,8 +16,8 @@ from deltaopt.output.plan_files import COLUMNS, instants, write_motion
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.plan import Plan
 from deltaopt.scene.scene_file import load_scene
+from studies.problems import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
 SCENE_FILE = PROBLEMS / "pick_and_place.yaml"
 SCENE = load_scene(SCENE_FILE)
 HEADER = (

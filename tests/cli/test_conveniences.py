@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from importlib.metadata import version
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,8 +16,8 @@ from deltaopt.output.saved_plan import load_plan
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.verification import verify
+from studies.problems import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
 SCENE_FILE = PROBLEMS / "pick_and_place.yaml"
 
 

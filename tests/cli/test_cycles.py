@@ -8,7 +8,6 @@ import shutil
 from contextlib import redirect_stdout
 from io import StringIO
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,8 +20,8 @@ from deltaopt.files.csv_table import read_csv
 from deltaopt.output.joint_table import JointTable
 from deltaopt.output.plan_files import COLUMNS as PLANNED
 from deltaopt.output.table_files import COLUMNS
+from studies.problems import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
 CYCLE = PROBLEMS / "cycles" / "there_and_back.yaml"
 TEXT = CYCLE.read_text(encoding="utf-8").replace("../robots", str(PROBLEMS / "robots"))
 

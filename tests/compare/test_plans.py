@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -22,9 +21,8 @@ from deltaopt.planning.formulations.equations import flat_equations
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.plots.plans import draw
 from deltaopt.problem.of_scene import problem_of
+from studies.problems import PROBLEMS
 from tests.shipped_cases import interpreted
-
-PROBLEMS = Path(__file__).parents[2] / "problems"
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ from deltaopt.robot.robot import load_robot
 from deltaopt.scene import convex_hull
 from deltaopt.scene.scene_file import load_scene
 from studies.kept_rows import read_rows
-from tests.limits.test_keep_out import PROBLEMS
+from studies.problems import PROBLEMS
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from decimal import Decimal
 from fractions import Fraction
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,9 +16,9 @@ from hypothesis import strategies as st
 
 from deltaopt.errors import DeltaOptError
 from deltaopt.scene.scene_file import load_scene
+from studies.problems import PROBLEMS
 from tests.scene import test_robot_and_scene
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
 SCENE = load_scene(PROBLEMS / "pick_and_place.yaml")
 ROBOT_CONTENT = test_robot_and_scene.ROBOT | {
     "drive": {"torque": [20.0, 21.0, 22.0], "speed": 8.0},

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 import deltaopt.cli
 from deltaopt.cli import COMMANDS, main
-from tests.fuzz.inputs import PROBLEMS, fewer, limited, numbers
+from studies.problems import PROBLEMS
+from tests.fuzz.inputs import fewer, limited, numbers
 
 SCENES = [str(PROBLEMS / f"{name}.yaml") for name in ("pick_and_place", "light_and_fast")]
 ROBOT = str(PROBLEMS / "robots/orsino.yaml")

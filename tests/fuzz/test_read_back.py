@@ -19,7 +19,8 @@ from deltaopt.output.foreign_table import read_foreign_table
 from deltaopt.output.plan_files import write_json, write_motion
 from deltaopt.output.saved_plan import load_plan
 from deltaopt.planning.plan import plan_as_it_is
-from tests.fuzz.inputs import PROBLEMS, SCENE, fewer, limited, numbers, result_or_sentence, trees
+from studies.problems import PROBLEMS
+from tests.fuzz.inputs import SCENE, fewer, limited, numbers, result_or_sentence, trees
 
 ROBOT = str(PROBLEMS / "robots/orsino.yaml")
 

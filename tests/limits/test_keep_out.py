@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import product
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -17,8 +16,8 @@ from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.clearance import distance_from
+from studies.problems import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
 SCENE = load_scene(PROBLEMS / "pick_and_place.yaml")
 LOW, HIGH = np.array([0.40, -0.03, -0.08]), np.array([0.52, 0.05, 0.09])
 BOX = {"box": {"from": LOW.tolist(), "to": HIGH.tolist()}}

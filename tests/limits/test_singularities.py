@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -14,11 +12,12 @@ from deltaopt.limits.singularities import PARALLEL_SINGULARITY, TILT_SINGULARITY
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.mechanisms.instant import CoordinateInstant
 from deltaopt.robot.model import delta_model
+from studies.problems import PROBLEMS
 
-SCENE = load_scene(Path(__file__).parents[2] / "problems/limits/parallel_singularity.yaml")
+SCENE = load_scene(PROBLEMS / "limits/parallel_singularity.yaml")
 
 
-TILTING = load_scene(Path(__file__).parents[2] / "problems/limits/tilt_singularity.yaml")
+TILTING = load_scene(PROBLEMS / "limits/tilt_singularity.yaml")
 
 
 def bars_of(scene, x):

@@ -6,7 +6,6 @@ The distances of the limit, of verification and of these tests are three program
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -25,9 +24,9 @@ from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.path_distance import farthest_from
 from studies.bench.hard_moves import move
 from studies.bench.statics import Statics
+from studies.problems import PROBLEMS
 from tests.hard_scenes import hard_scene
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
 BENT = load_scene(PROBLEMS / "paths" / "tube.yaml")
 STRAIGHT = BENT.model_copy(update={"path": "line"})
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -13,8 +11,9 @@ from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
 from studies.bench.random_scenes import random_scenes
+from studies.problems import PROBLEMS
 
-ROBOTS = Path(__file__).parents[2] / "problems/robots"
+ROBOTS = PROBLEMS / "robots"
 ORSINO, INDUSTRIAL = (load_robot(ROBOTS / f"{name}.yaml") for name in ("orsino", "industrial"))
 MODELS = {
     "orsino": DeltaModel(ORSINO, 1.0),

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import cos, pi, sin
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -23,8 +22,9 @@ from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot, load_robot
 from studies.bench.random_scenes import random_scenes
+from studies.problems import PROBLEMS
 
-ROBOTS = Path(__file__).parents[2] / "problems/robots"
+ROBOTS = PROBLEMS / "robots"
 PLAIN = load_robot(ROBOTS / "industrial.yaml")
 PAYLOAD = 0.7
 ARM = PLAIN.upper_arm.model_copy(update={"centre": (0.10, 0.012), "inertia": 6e-3})

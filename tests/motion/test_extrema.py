@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import inf, pi
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,8 +28,8 @@ from deltaopt.scene.known_limits import Limits
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.measures import MeasuredMotion
+from studies.problems import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
 SCENE = load_scene(PROBLEMS / "pick_and_place.yaml")
 LINE = baseline(SCENE)
 

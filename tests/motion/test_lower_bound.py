@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import sqrt
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +17,8 @@ from deltaopt.scene.known_limits import Limits
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
 from studies.bench.random_scenes import random_scenes
+from studies.problems import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
 SHIPPED = [PROBLEMS / f"robots/{n}.yaml" for n in ("orsino", "industrial", "hornet_565", "rl5")]
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import fields
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +11,9 @@ import pytest
 from deltaopt.motion.trajectory import Motion
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.scene.scene_file import load_scene
+from studies.problems import PROBLEMS
 
-SCENE = load_scene(Path(__file__).parents[2] / "problems" / "pick_and_place.yaml")
+SCENE = load_scene(PROBLEMS / "pick_and_place.yaml")
 LINE = baseline(SCENE)
 
 

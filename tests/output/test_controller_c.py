@@ -14,8 +14,8 @@ import deltaopt
 from deltaopt.cli import main
 from deltaopt.output.controller_c import FUNCTIONS, export_c, export_plan_c
 from deltaopt.robot.robot import Robot, load_robot
+from studies.problems import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
 ROBOT = load_robot(PROBLEMS / "robots" / "orsino.yaml")
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror")
 SANITIZED = ("-O0", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")

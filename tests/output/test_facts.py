@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 import re
 from html import unescape
-from pathlib import Path
 
 from deltaopt.cli import main
+from studies.problems import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
 FILE = str(PROBLEMS / "pick_and_place.yaml")
 
 

@@ -10,7 +10,7 @@ import deltaopt
 from deltaopt.cli import main
 from deltaopt.errors import Infeasible, SceneError
 from deltaopt.planning.flat.flat_problem import FlatProblem
-from tests.limits.test_keep_out import PROBLEMS
+from studies.problems import PROBLEMS
 
 SCENE = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,8 +10,9 @@ from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.past_bodies.near_bodies import past_these, with_those_hit
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify
+from studies.problems import PROBLEMS
 
-WALL = load_scene(Path(__file__).parents[2] / "problems" / "keep_out" / "wall_25_305_25.yaml")
+WALL = load_scene(PROBLEMS / "keep_out" / "wall_25_305_25.yaml")
 LINE = first_motion(WALL.model_copy(update={"keep_out": None}))
 (THE_WALL,) = WALL.keep_out or ()
 FAR = [{"sphere": {"centre": [1.4, 0.3 * k, 0.6], "radius": 0.05}} for k in range(-2, 2)]

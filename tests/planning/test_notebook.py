@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from io import StringIO
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,8 +15,9 @@ from deltaopt.output.saved_plan import load_plan
 from deltaopt.planning.planner import Planner, plan
 from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.verification import verify
+from studies.problems import PROBLEMS
 
-SCENE = load_scene(Path(__file__).parents[2] / "problems/industrial_cross.yaml")
+SCENE = load_scene(PROBLEMS / "industrial_cross.yaml")
 NAME = "<b>bold & 'quoted'</b>"
 
 

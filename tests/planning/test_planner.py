@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +17,8 @@ from deltaopt.scene.known_limits import Limits
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.verification import verify
+from studies.problems import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
 ORSINO, INDUSTRIAL = (
     load_robot(PROBLEMS / f"robots/{name}.yaml") for name in ("orsino", "industrial")
 )

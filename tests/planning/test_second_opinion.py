@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,8 +15,8 @@ from deltaopt.errors import NotConverged
 from deltaopt.planning.attempts import Outcomes
 from deltaopt.planning.first_motions.multistart import other_motions
 from deltaopt.planning.loop import Loop
+from studies.problems import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
 ROBOT = load_robot(PROBLEMS / "robots/industrial.yaml")
 START, GOAL = (0.85, -0.15, 0.0), (0.85, 0.15, 0.0)
 COLUMN = {"height": 0.02, "radius": 0.005}

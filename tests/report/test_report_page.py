@@ -27,8 +27,8 @@ from deltaopt.report.page import cycle_report, report, write_report
 from deltaopt.scene.bodies import Body
 from deltaopt.scene.scene_file import load_cycle, load_scene
 from deltaopt.verify.verification import verify
+from studies.problems import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
 SCENE = load_scene(PROBLEMS / "pick_and_place.yaml")
 TRICK = "</script><script>document.title='taken'</script><img src=x onerror=alert(1)>&\"'"
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,8 +11,9 @@ import pytest
 from deltaopt import baseline, load_scene
 from deltaopt.cli import main
 from deltaopt.report.viewer import Viewer, lines_of_robot
+from studies.problems import PROBLEMS
 
-SCENE = load_scene(Path(__file__).parents[2] / "problems/industrial_drive.yaml")
+SCENE = load_scene(PROBLEMS / "industrial_drive.yaml")
 LINE = baseline(SCENE)
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import deltaopt
+from studies.problems import PROBLEMS
 
-ROBOTS = Path(__file__).parents[2] / "problems/robots"
+ROBOTS = PROBLEMS / "robots"
 POINTS = np.array([[0.85, -0.15, 0.02], [0.8, 0.1, 0.1], [0.9, 0.0, -0.2]])
 
 

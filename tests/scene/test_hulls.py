@@ -11,7 +11,7 @@ import yaml
 from deltaopt.errors import SceneError
 from deltaopt.scene.convex_hull import NoHull, convex_hull
 from deltaopt.scene.scene_file import corners_in, load_scene
-from tests.limits.test_keep_out import PROBLEMS
+from studies.problems import PROBLEMS
 
 CUBE = np.array(list(product((0.0, 1.0), repeat=3)))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +11,8 @@ import deltaopt
 from deltaopt.errors import SceneError
 from deltaopt.scene.path import Corners, Curve, Line, PickAndPlace, points_in
 from deltaopt.scene.scene import Scene
+from studies.problems import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
 CROSS = deltaopt.load_scene(PROBLEMS / "industrial_cross.yaml")
 
 

@@ -28,8 +28,7 @@ from deltaopt.scene.objective import (
 )
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
-
-PROBLEMS = Path(__file__).parents[2] / "problems"
+from studies.problems import PROBLEMS
 
 ROBOT = {
     "name": "test robot",
@@ -599,7 +598,7 @@ def test_a_robot_that_closes_only_stretched_flat_cannot_move() -> None:
     ],
 )
 def test_errors_say_where_in_the_file(text, place, problem, tmp_path):
-    robot = Path(__file__).parents[2] / "problems/robots/orsino.yaml"
+    robot = PROBLEMS / "robots/orsino.yaml"
     file = tmp_path / "scene.yaml"
     ends = "start: [0.45, -0.05, 0]\ngoal: [0.45, 0.1, 0]\n"
     lines = text.format(robot=robot)
@@ -620,7 +619,7 @@ def test_a_scene_made_of_a_scene_is_the_same():
 
 def test_what_is_missing_is_missing_in_its_mapping(tmp_path):
     file = tmp_path / "robot.yaml"
-    text = (Path(__file__).parents[2] / "problems/robots/orsino.yaml").read_text(encoding="utf-8")
+    text = (PROBLEMS / "robots/orsino.yaml").read_text(encoding="utf-8")
     file.write_text(text.replace("{length: 0.20, mass: 0.40}", "{length: 0.20}"), encoding="utf-8")
     line = next(i for i, each in enumerate(text.splitlines(), 1) if each.startswith("upper_arm"))
     with pytest.raises(SceneError, match=f"line {line}, column 12: upper_arm.mass is missing"):

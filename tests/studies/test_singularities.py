@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -23,12 +22,13 @@ from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
 from studies.models import singularities
 from studies.models.families import Family, Maker, delta_families, pendulum_families
+from studies.problems import PROBLEMS
 from tests.dynamics.bricard import bricard, bricard_start
 
 FAMILIES = {f.name: f for f in [*delta_families(), *pendulum_families()]}
 EXACT = ManyDigits(50)
 P = np.array(PAPER.values())
-ROBOT = Path(__file__).parents[2] / "problems/robots/orsino.yaml"
+ROBOT = PROBLEMS / "robots/orsino.yaml"
 
 
 @pytest.fixture(scope="module")

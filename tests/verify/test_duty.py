@@ -7,7 +7,6 @@ balance of energy is to rounding.
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,8 +25,8 @@ from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.duty import Duty, MotorDuty, exceeding
 from deltaopt.verify.measures import MeasuredMotion
 from deltaopt.verify.verification import verify
+from studies.problems import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
 PAPER = load_scene(PROBLEMS / "pick_and_place.yaml")
 INDUSTRIAL = load_scene(PROBLEMS / "industrial_cross.yaml")
 CATALOGUE = {

@@ -16,8 +16,8 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.verify.bounds import ARRIVAL_BOUNDS, BOUNDS
 from deltaopt.verify.measures import Known
 from deltaopt.verify.path_distance import farthest_from, off_approach, off_path
+from studies.problems import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
 PAGE = Path(__file__).parents[2] / "docs/verification.md"
 SCENES = ("keep_out/into_a_box", "paths/tube", "limits/drive_joints_workspace")
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -11,8 +9,7 @@ import deltaopt
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.verify.path_distance import nearest_places, off_path
-
-PROBLEMS = Path(__file__).parents[2] / "problems"
+from studies.problems import PROBLEMS
 
 
 def test_a_free_motion_is_off_the_path():

@@ -6,7 +6,6 @@ import json
 from dataclasses import dataclass, replace
 from functools import cache
 from math import comb, inf, nan
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,9 +16,9 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import straight_line
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.verify.bounds import DYNAMIC_ERROR
+from studies.problems import PROBLEMS
 from tests.hard_scenes import hard_scene, planned_and_verified
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
 SCENES = {
     name: load_scene(PROBLEMS / f"{name}.yaml") for name in ("pick_and_place", "long_diagonal")
 }

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from math import cos, factorial, inf, nan, pi, sin
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,8 +21,8 @@ from deltaopt.scene.known_limits import Limits
 from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.measures import MeasuredMotion
 from deltaopt.verify.verification import Verification, verify
+from studies.problems import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
 SCENE = load_scene(PROBLEMS / "pick_and_place.yaml")
 INDUSTRIAL = load_scene(PROBLEMS / "industrial_cross.yaml")
 LINE = baseline(SCENE)

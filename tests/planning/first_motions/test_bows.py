@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,8 +12,8 @@ from deltaopt.planning.first_motions.bows import bows
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
+from studies.problems import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[3] / "problems"
 CROSS = load_scene(PROBLEMS / "paths" / "industrial_25_305_25.yaml").model_copy(
     update={"path": None}
 )

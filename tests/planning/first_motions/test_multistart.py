@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -13,8 +11,9 @@ from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.first_motions.multistart import first_motions
 from deltaopt.planning.first_motions.order_of_merit import first_motion, in_order_of_merit
 from deltaopt.problem.of_scene import problem_of
+from studies.problems import PROBLEMS
 
-FILE = Path(__file__).parents[3] / "problems/pick_and_place.yaml"
+FILE = PROBLEMS / "pick_and_place.yaml"
 SCENE = load_scene(FILE)
 
 

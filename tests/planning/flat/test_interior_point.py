@@ -6,7 +6,6 @@ import shutil
 import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -30,8 +29,8 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.objective import TimeAndEffort
 from deltaopt.scene.scene_file import load_scene
+from studies.problems import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[3] / "problems"
 ORSINO = load_robot(PROBLEMS / "robots" / "orsino.yaml")
 INDUSTRIAL = load_robot(PROBLEMS / "robots" / "industrial.yaml")
 PICK = load_scene(PROBLEMS / "pick_and_place.yaml")

@@ -30,9 +30,10 @@ from deltaopt.planning.formulations.loop_closure import (
 from deltaopt.planning.nlp.problem import Cost
 from deltaopt.planning.nlp.program import IPOPT
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
+from studies.problems import PROBLEMS
 from tests.planned_scenes import first_guess, scaling_of
 from tests.planned_scenes import flat_equations as planners_equations
-from tests.shipped_cases import PROBLEMS, case, interpreted
+from tests.shipped_cases import case, interpreted
 
 CLOSURES = [KnotConstraints(), Projection(), Baumgarte(), AccelerationLevel()]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from operator import itemgetter
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -21,9 +20,9 @@ from deltaopt.scene.objective import Effort
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.verification import verify
+from studies.problems import PROBLEMS
 from tests.oracles.point_motion import End, Instant, Leg, Row, System, fastest
 
-PROBLEMS = Path(__file__).parents[3] / "problems"
 WALL = load_scene(PROBLEMS / "keep_out" / "wall_25_305_25.yaml")
 EDGE = (0.825, 0.13)
 """Of the wall, where the motion touches it: depth and y."""

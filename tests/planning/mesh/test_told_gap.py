@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 import deltaopt
 from deltaopt.robot.drive import Drive
 from deltaopt.robot.robot import Forearm, Platform, Robot, UpperArm
+from studies.problems import PROBLEMS
 
-ROBOTS = Path(__file__).parents[3] / "problems/robots"
+ROBOTS = PROBLEMS / "robots"
 ORSINO = deltaopt.load_robot(ROBOTS / "orsino.yaml")
 INDUSTRIAL = deltaopt.load_robot(ROBOTS / "industrial.yaml")
 WITHOUT_SPEED_LIMIT = INDUSTRIAL.model_copy(update={"drive": Drive(torque=40.0)})

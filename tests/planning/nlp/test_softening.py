@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -16,8 +14,9 @@ from deltaopt.planning.planner import Planner
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.verification import verify
+from studies.problems import PROBLEMS
 
-DRIVE = load_scene(Path(__file__).parents[3] / "problems" / "industrial_drive.yaml")
+DRIVE = load_scene(PROBLEMS / "industrial_drive.yaml")
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1.3, 2.0, 5.0, 40.0])

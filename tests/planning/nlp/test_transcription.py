@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
@@ -19,8 +17,9 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.scene_file import load_scene
+from studies.problems import PROBLEMS
 
-SCENE = load_scene(Path(__file__).parents[3] / "problems/pick_and_place.yaml")
+SCENE = load_scene(PROBLEMS / "pick_and_place.yaml")
 MESH = np.array([0.3, 0.05, 0.25, 0.4])
 BEGIN = np.concatenate([[0.0], np.cumsum(MESH)[:-1]])
 DEGREES = [1, 2, 3, 5]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,10 +17,10 @@ from deltaopt.planning.plan import Plan
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
 from studies.bench.random_scenes import random_scenes
+from studies.problems import PROBLEMS
 from tests.oracles.path_arcs import two_arcs
 from tests.oracles.path_by_ipopt import duration_by_ipopt, torque_coefficients
 
-PROBLEMS = Path(__file__).parents[3] / "problems"
 PICK = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
 CROSS = deltaopt.load_scene(PROBLEMS / "industrial_cross.yaml")
 ROUNDED = {"pick_and_place": {"height": 0.025, "blend": 0.02}}

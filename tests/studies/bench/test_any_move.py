@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,8 +10,8 @@ from deltaopt.robot.robot import load_robot
 from studies.__main__ import main
 from studies.bench.any_move import random_plans
 from studies.bench.random_scenes import random_scenes
+from studies.problems import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[3] / "problems"
 ORSINO, INDUSTRIAL = (
     load_robot(PROBLEMS / f"robots/{name}.yaml") for name in ("orsino", "industrial")
 )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -14,8 +12,8 @@ from deltaopt.robot.robot import load_robot
 from deltaopt.scene.scene_file import load_scene
 from studies.bench import fixed_paths
 from studies.bench.fixed_paths import driven, straight
+from studies.problems import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[3] / "problems"
 ORSINO = load_robot(PROBLEMS / "robots" / "orsino.yaml")
 PICK = load_scene(PROBLEMS / "pick_and_place.yaml")
 

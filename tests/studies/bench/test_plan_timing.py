@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from deltaopt.planning.planner import Planner
 from deltaopt.robot.robot import load_robot
 from studies.bench.plan_timing import timed_plans
+from studies.problems import PROBLEMS
 
-ROBOT = Path(__file__).parents[3] / "problems/robots/orsino.yaml"
+ROBOT = PROBLEMS / "robots/orsino.yaml"
 
 
 def test_plans_are_timed_and_held_against_finer_ones():
