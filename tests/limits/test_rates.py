@@ -19,6 +19,7 @@ from deltaopt.robot.drive import Friction
 from deltaopt.robot.tool import Tool
 from deltaopt.scene.moving_ends import State
 from studies.problems import PROBLEMS
+from tests.good_plans import good_plan
 from tests.oracles.rate_limited import fastest_with_rates
 
 CROSS, ORSINO = (load_scene(PROBLEMS / f"{n}.yaml") for n in ("industrial_cross", "pick_and_place"))
@@ -76,10 +77,7 @@ def test_excesses_are_those_of_differences():
     ids=["torque rate", "jerk and torque rate", "joint jerk"],
 )
 def test_a_plan_keeps_them_at_all_instants_and_begins_with_holding_torques(scene, limits):
-    found = plan(limited(scene, **limits))
-    trajectory = found.trajectory
-    assert found.within_tolerance
-    assert verify(found.scene, trajectory).failures() == []
+    trajectory = good_plan(limited(scene, **limits)).trajectory
     torque, arms, platform = differences(trajectory, inside(trajectory))
     reached = {
         "torque_rate": np.abs(torque).max(),
@@ -215,9 +213,7 @@ def test_friction_that_changes_its_sign_between_two_points_is_found():
         robot = CROSS.robot.model_copy(update={"drive": drive})
         ends = {"start": (0.4282, 0.3867, -0.3533), "goal": (0.6993, 0.4546, 0.1550)}
         scene = Scene(robot=robot, payload=1.0, limits={"torque_rate": 9900.0}, **ends)
-        found[width] = plan(scene)
-        assert found[width].within_tolerance
-        assert verify(scene, found[width].trajectory).failures() == []
+        found[width] = good_plan(scene)
     assert found[0.1].duration == pytest.approx(found[0.2].duration, rel=0.01)
 
 
@@ -264,9 +260,7 @@ def test_an_arm_turns_back_under_friction_as_fast_as_without(robot, ends, rate):
     smooth = Scene(robot=robot.model_copy(update={"drive": without}), **ends)
     rough = Scene(robot=robot, **ends)
     both = limited(rough, torque_rate=rate)
-    found = plan(both)
-    assert found.within_tolerance
-    assert verify(both, found.trajectory).failures() == []
+    found = good_plan(both)
     by_friction, by_rate = (
         plan(each).duration for each in (rough, limited(smooth, torque_rate=rate))
     )

@@ -6,6 +6,7 @@ The distances of the limit, of verification and of these tests are three program
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -25,6 +26,7 @@ from deltaopt.verify.path_distance import farthest_from
 from studies.bench.hard_moves import move
 from studies.bench.statics import Statics
 from studies.problems import PROBLEMS
+from tests.good_plans import good_plan
 from tests.hard_scenes import hard_scene
 
 BENT = load_scene(PROBLEMS / "paths" / "tube.yaml")
@@ -55,10 +57,7 @@ def away_by_samples(scene: Scene, x: np.ndarray) -> np.ndarray:
 
 def planned(scene: Scene) -> Plan:
     """A plan that verification, and a sampling of its own, find inside the tube."""
-    found = deltaopt.plan(scene)
-    report = deltaopt.verify(scene, found.trajectory)
-    assert report.ok, report.failures()
-    assert found.within_tolerance
+    found = good_plan(scene)
     x = found.trajectory(np.linspace(0, found.duration, 2001)).x
     assert away_by_samples(scene, x).max() ** 2 <= scene.tube**2 + SPACING_SQUARED
     return found
@@ -69,13 +68,7 @@ def test_distances_and_their_derivatives(scene: Scene):
     """Of random points as far as 12 mm from the path, against samples and differences."""
     (numbers,) = Tube().items(scene)
     x = ca.SX.sym("x", 3)
-
-    class Place:
-        pass
-
-    place = Place()
-    place.x = x
-    distance = Tube().measure(place, ca.DM(numbers))
+    distance = Tube().measure(SimpleNamespace(x=x), ca.DM(numbers))
     measure = ca.Function("measure", [x], [distance, ca.gradient(distance, x)])
     path, rng = scene.path.between(*scene.given_points), np.random.default_rng(4)
     s = rng.uniform(path.knots[0], path.knots[-1], 300)
@@ -192,13 +185,7 @@ def test_a_place_is_as_far_from_a_path_as_from_the_nearest_of_its_stretches():
     depth = rng.uniform(0.0, 0.02, (1000, 1)) / np.linalg.norm(inwards)
     points = middle + depth * inwards + 3e-5 * rng.standard_normal((1000, 3))
     x, own = ca.SX.sym("x", 3), ca.SX.sym("numbers", len(numbers))
-
-    class Place:
-        pass
-
-    place = Place()
-    place.x = x
-    measure = ca.Function("measure", [x, own], [Tube().measure(place, own)])
+    measure = ca.Function("measure", [x, own], [Tube().measure(SimpleNamespace(x=x), own)])
     regions = [numbers, *(Tube().of_regions(numbers, k, k + 1) for k in range(3))]
     whole, *each = (np.array([float(measure(point, own)) for point in points]) for own in regions)
     np.testing.assert_allclose(np.min(each, axis=0), whole, atol=1e-9)

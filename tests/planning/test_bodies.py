@@ -25,6 +25,7 @@ from studies.keep_out.planned import REFUSED
 from studies.keep_out.planned import planned as outcome_of
 from studies.problems import PROBLEMS
 from studies.sampling.scenes import scene_of
+from tests.good_plans import good_plan
 
 CROSS = load_scene(PROBLEMS / "paths" / "industrial_25_305_25.yaml").model_copy(
     update={"path": None}
@@ -55,10 +56,7 @@ def sphere(centre: list[float], radius: float) -> dict:
 
 def planned(scene: Scene) -> object:
     """A plan that verification, and a dense sampling of its own, find clear."""
-    found = plan(scene)
-    verified = verify(scene, found.trajectory)
-    assert verified.ok, verified.failures()
-    assert found.within_tolerance
+    found = good_plan(scene)
     t = np.linspace(0, found.duration, 20_001)
     distances, _ = signed_distances(problem_of(scene), found.trajectory.position.at(t))
     used = len(scene.obstacles)
@@ -101,12 +99,10 @@ def test_a_sphere_touched_once():
     not times all the room beside the contact. The true excess is that over a tighter plan."""
     halfway = FREE.trajectory.position.at(np.array([FREE.duration / 2]))[0]
     body = sphere((halfway - [0.018, 0.0, 0.0]).tolist(), 0.02)
-    coarse, fine = plan(with_bodies(body)), plan(with_bodies(body), tolerance=1.5e-4)
-    assert verify(with_bodies(body), fine.trajectory).ok
+    coarse, fine = plan(with_bodies(body)), good_plan(with_bodies(body), tolerance=1.5e-4)
     assert fine.duration <= coarse.duration
     assert coarse.duration / fine.duration - 1 <= coarse.gap + 1e-9
     assert coarse.gap <= 1e-3
-    assert fine.within_tolerance
 
 
 def slot(width: float, tool: float) -> list[dict]:
@@ -128,9 +124,7 @@ def test_a_passage_is_found(millimetres):
 
 def test_several_first_guesses_are_led_around_bodies():
     wall = load_scene(PROBLEMS / "keep_out" / "wall_25_305_25.yaml")
-    found = plan(wall, starts=2)
-    assert verify(wall, found.trajectory).ok
-    assert found.within_tolerance
+    found = good_plan(wall, starts=2)
     assert found.duration == pytest.approx(plan(wall).duration, rel=2e-3)
 
 

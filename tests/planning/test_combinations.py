@@ -15,6 +15,7 @@ from deltaopt.scene.moving_ends import end_in
 from deltaopt.scene.scene import Scene
 from studies.problems import PROBLEMS
 from studies.triples.drawn import drawn
+from tests.good_plans import good_plan
 
 ROBOT = load_scene(PROBLEMS / "keep_out" / "wall_25_305_25.yaml").robot
 PLAIN = {"payload": 1.0, "start": [0.85, -0.1525, 0.0], "goal": [0.85, 0.1525, 0.0]}
@@ -52,11 +53,7 @@ def together(*names: str) -> Scene:
 
 @pytest.mark.parametrize("beside", ["via", "start state", "goal state", "belt", "path", "rotation"])
 def test_bodies_beside(beside):
-    scene = together("bodies", beside)
-    found = plan(scene)
-    verified = verify(scene, found.trajectory)
-    assert verified.ok, verified.failures()
-    assert found.within_tolerance
+    good_plan(together("bodies", beside))
 
 
 def test_ways_to_a_belt_take_no_longer_than_it_is_there():
@@ -94,10 +91,8 @@ def test_rates_beside(others):
 
 
 def test_least_effort_with_rates_costs_a_little_more():
-    without, found = plan(together("effort")), plan(together("rates", "effort"))
-    assert verify(found.scene, found.trajectory).failures() == []
+    without, found = plan(together("effort")), good_plan(together("rates", "effort"))
     assert without.cost * (1 - 1e-3) < found.cost < 1.05 * without.cost
-    assert found.within_tolerance
 
 
 @pytest.mark.parametrize("cost", ["effort", "time and effort"])
@@ -115,10 +110,7 @@ def test_gaps_of_least_effort_with_rates_are_large_enough(moving, cost):
 def test_least_effort_meets_a_belt_past_bodies_when_the_duration_is_over(duration):
     """Waiting for the belt, as in least time, would take another duration."""
     effort = {"objective": Effort(duration=duration)}
-    scene = drawn(77, 18).model_copy(update=effort)
-    found = plan(scene)
-    assert found.within_tolerance
-    assert verify(scene, found.trajectory).failures() == []
+    good_plan(drawn(77, 18).model_copy(update=effort))
 
 
 MOVING = ("start state", "goal state", "belt")
@@ -145,10 +137,7 @@ def test_a_belt_that_moves_behind_a_thin_wall_is_met():
     wall = [{"box": {"from": [0.7177, -0.0264, -0.5], "to": [1.5, -0.0201, 0.5]}}]
     goal = {"at": [0.85, 0.1905, 0.0698], "belt": [-0.2319, -0.314, 0.798]}
     ends = {"start": [0.85, -0.1905, -0.0476], "goal": goal}
-    scene = Scene.model_validate(PLAIN | {"robot": ROBOT, "keep_out": wall} | ends)
-    found = plan(scene)
-    assert found.within_tolerance
-    assert verify(scene, found.trajectory).failures() == []
+    good_plan(Scene.model_validate(PLAIN | {"robot": ROBOT, "keep_out": wall} | ends))
 
 
 def test_neighbours_on_a_belt_over_a_wall_into_a_box_have_neighbouring_plans():
@@ -170,10 +159,7 @@ def test_effort_beside(beside):
     """In a given time: kept, with less effort than the fastest motion needs, slowed, where that can
     be: a motion whose end moves cannot."""
     scene, fastest = together(beside, "effort"), plan(together(beside))
-    found = plan(scene)
-    verified = verify(scene, found.trajectory)
-    assert verified.ok, verified.failures()
-    assert found.within_tolerance
+    found = good_plan(scene)
     assert found.duration == pytest.approx(0.3, rel=1e-12)
     if scene.task.is_at_rest:
         slowed = fastest.trajectory.slowed(0.3 / fastest.duration)
@@ -186,10 +172,7 @@ def test_effort_in_a_time_far_from_and_near_the_shortest(pair, times):
     are still at their limits beside the body."""
     scene = together(*pair)
     duration = times * plan(scene).duration
-    found = plan(scene.model_copy(update={"objective": Effort(duration=duration)}))
-    verified = verify(found.scene, found.trajectory)
-    assert verified.ok, verified.failures()
-    assert found.within_tolerance
+    found = good_plan(scene.model_copy(update={"objective": Effort(duration=duration)}))
     assert found.duration == pytest.approx(duration, rel=1e-12)
 
 

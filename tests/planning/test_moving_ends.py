@@ -23,6 +23,7 @@ from deltaopt import (
 from deltaopt.errors import Infeasible
 from deltaopt.planning.in_flight import finished_first
 from studies.frozen import cases
+from tests.good_plans import good_plan
 from tests.planning.switching.test_vertical_moves import MOVES, NAMES, VerticalMove
 
 CROSS = load_scene("problems/industrial_cross.yaml")
@@ -72,11 +73,9 @@ def test_vertical_motion_with_a_speed_at_the_start(move, direction):
     """Towards the goal it is the rest of the move. Away from it the platform first comes to rest
     where the move begins, by the same torques: the arc in reverse."""
     now = Underway(move)
-    found = plan(now.scene(move, direction, (move.goal, 0.0, 0.0)))
+    found = good_plan(now.scene(move, direction, (move.goal, 0.0, 0.0)))
     expected = move.duration - direction * now.since
     assert expected * (1 - 1e-9) <= found.duration <= expected * (1 + found.gap)
-    assert found.within_tolerance
-    assert verify(found.scene, found.trajectory).failures() == []
 
 
 @pytest.mark.parametrize("move", MOVES, ids=NAMES)
@@ -410,11 +409,7 @@ def test_settings_of_motions_from_rest_to_rest_are_refused():
 def test_a_stop_past_a_sphere_whose_first_meshes_are_not_solved():
     """They lose their way in a parallel singularity; kept away from it they are."""
     (case,) = (each for each in cases() if each.name.startswith("stop, sphere haptic 180"))
-    scene = case.of.scene()
-    found = plan(scene)
-    assert found.within_tolerance
-    assert found.duration < 0.0212
-    assert verify(scene, found.trajectory).failures() == []
+    assert good_plan(case.of.scene()).duration < 0.0212
 
 
 def test_a_rate_of_torque_is_kept_on_a_fine_mesh_where_the_goal_moves() -> None:
@@ -440,7 +435,4 @@ def test_a_rate_of_torque_is_kept_on_a_fine_mesh_where_the_goal_moves() -> None:
             "limits": {"torque_rate": 3913.0},
         }
     )
-    plan = deltaopt.plan(scene)
-    assert plan.within_tolerance
-    assert deltaopt.verify(scene, plan.trajectory).ok
-    assert plan.duration < 0.3825  # 0.4472 s with a rest on the way
+    assert good_plan(scene).duration < 0.3825  # 0.4472 s with a rest on the way

@@ -10,6 +10,7 @@ import pytest
 import deltaopt
 from deltaopt import Belt, Infeasible, Robot, Scene, SceneError, State, load_scene, plan, verify
 from deltaopt.verify.path_distance import off_via_points
+from tests.good_plans import good_plan
 
 SCENE = load_scene("problems/via/three_points.yaml")
 FREE = SCENE.model_copy(update={"via": None})
@@ -140,10 +141,7 @@ def test_settings_that_do_not_apply_are_refused():
 
 @pytest.mark.parametrize("name", ["within", "onto_a_belt"])
 def test_shipped_scenes_are_verified(name):
-    scene = load_scene(f"problems/via/{name}.yaml")
-    found = plan(scene)
-    assert verify(scene, found.trajectory).failures() == []
-    assert found.within_tolerance
+    good_plan(load_scene(f"problems/via/{name}.yaml"))
 
 
 def test_a_sphere_whose_centre_is_beyond_a_singularity():
@@ -166,9 +164,7 @@ def test_a_sphere_whose_centre_is_beyond_a_singularity():
     centre = scene.model_copy(update={"via": [inside["at"]]})
     with pytest.raises(deltaopt.DeltaOptError):
         plan(centre)
-    found = plan(scene)
-    assert verify(scene, found.trajectory).failures() == []
-    assert found.within_tolerance
+    good_plan(scene)
 
 
 def near(within, centre=BENT, **settings):
@@ -302,9 +298,7 @@ def test_points_beside_a_motion_with_moving_ends_are_passed(underway, within):
     beside = np.add(free.trajectory(0.5 * free.duration).x, (-0.03, 0.01, 0.03)).tolist()
     point = {"at": beside, "within": within} if within else beside
     own = scene.model_copy(update={"via": [point]})
-    found = plan(own)
-    assert verify(own, found.trajectory).failures() == []
-    assert found.within_tolerance
+    found = good_plan(own)
     assert found.duration > free.duration
     assert least_distance(found, beside) == pytest.approx(within, rel=1e-2, abs=2e-5)
 
