@@ -74,3 +74,16 @@ def _labels_of_charts_do_not_overlap() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(Figure, "savefig", write_and_look)
         yield
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+    """Every figure that is written from now on."""
+    found, write = list[Figure](), Figure.savefig
+
+    def also_kept(page: Figure, *arguments: Any, **options: Any) -> None:
+        found.append(page)
+        write(page, *arguments, **options)
+
+    monkeypatch.setattr(Figure, "savefig", also_kept)
+    return found

@@ -11,7 +11,6 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 import deltaopt
 from deltaopt import SceneError, load_cycle, load_plan, load_scene
@@ -66,12 +65,9 @@ def numbers_of(axes):
     return [text for text in axes.texts if text.get_text().isdigit()]
 
 
-def test_a_new_cell_is_planned(tmp_path, capsys, monkeypatch):
+def test_a_new_cell_is_planned(tmp_path, capsys, drawn):
     """Four legs, of which two end on a belt; a folder of its plan names the plans in it. In its
     picture the numbers of legs are apart, each in its path, and above all torques."""
-    drawn, write = list[Figure](), Figure.savefig
-    keep = lambda page, *given, **named: (drawn.append(page), write(page, *given, **named))  # noqa: E731
-    monkeypatch.setattr(Figure, "savefig", keep)
     assert main(["new", "--cell", str(tmp_path)]) == 0
     scene = tmp_path / "scene.yaml"
     assert f"deltaopt plan {scene}" in capsys.readouterr().out

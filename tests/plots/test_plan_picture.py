@@ -4,7 +4,6 @@ import re
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 import deltaopt
@@ -19,18 +18,6 @@ from deltaopt.plots.style import figure
 from studies.problems import PROBLEMS
 
 SCENE = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
-
-
-def pages(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
-    """Every figure that is written from now on."""
-    drawn, write = list[Figure](), Figure.savefig
-
-    def also_kept(page, *arguments, **options):
-        drawn.append(page)
-        write(page, *arguments, **options)
-
-    monkeypatch.setattr(Figure, "savefig", also_kept)
-    return drawn
 
 
 def test_bars_have_their_length_and_elbows_are_where_the_model_has_them():
@@ -61,8 +48,7 @@ def test_pictures_are_not_mirrored(turn):
     assert np.linalg.det([two - one, three - two]) < 0
 
 
-def test_picture_says_what_is_true(tmp_path, monkeypatch):
-    drawn = pages(monkeypatch)
+def test_picture_says_what_is_true(drawn, tmp_path):
     line, others = deltaopt.baseline(SCENE), straight_lines(SCENE)
     duty = deltaopt.verify(SCENE, line).duty
     chart.draw(tmp_path / "plan.png", SCENE, line, others, duty)
@@ -88,9 +74,8 @@ def test_picture_says_what_is_true(tmp_path, monkeypatch):
         assert f"RMS {root:.0f} %" in curve.get_label()
 
 
-def test_the_share_of_time_at_a_limit_is_one_number_everywhere(tmp_path, monkeypatch):
+def test_the_share_of_time_at_a_limit_is_one_number_everywhere(drawn, tmp_path):
     """That in which any motor is at it: in print, in the picture, and counted at instants."""
-    drawn = pages(monkeypatch)
     scene = deltaopt.load_scene(PROBLEMS / "limits" / "drive_joints_workspace.yaml")
     plan = deltaopt.plan(scene)
     chart.draw(tmp_path / "plan.png", plan.scene, plan.trajectory, {}, None)
@@ -107,8 +92,7 @@ def test_the_share_of_time_at_a_limit_is_one_number_everywhere(tmp_path, monkeyp
 VIA = deltaopt.load_scene(PROBLEMS / "via" / "within.yaml")
 
 
-def test_via_points_and_bodies_are_marked_from_the_side_and_from_above(tmp_path, monkeypatch):
-    drawn = pages(monkeypatch)
+def test_via_points_and_bodies_are_marked_from_the_side_and_from_above(drawn, tmp_path):
     box = {"box": {"from": (0.84, -0.05, -0.02), "to": (0.9, 0.05, 0.06)}}
     scene = VIA.model_copy(update={"keep_out": [box]})
     chart.draw(tmp_path / "plan.png", scene, deltaopt.baseline(VIA), {}, None)
@@ -131,8 +115,7 @@ def test_via_points_and_bodies_are_marked_from_the_side_and_from_above(tmp_path,
     assert "grey: keep out; diamonds: via points; circles: pass within" in told
 
 
-def test_the_clearance_is_that_from_the_nearest_body(tmp_path, monkeypatch):
-    drawn = pages(monkeypatch)
+def test_the_clearance_is_that_from_the_nearest_body(drawn, tmp_path):
     least, most = np.array([0.84, -0.05, -0.02]), np.array([0.9, 0.05, 0.06])
     box = {"box": {"from": tuple(least), "to": tuple(most)}}
     ball = {"sphere": {"centre": (0.95, 0.0, 0.0), "radius": 0.02}}
@@ -154,9 +137,8 @@ def test_the_clearance_is_that_from_the_nearest_body(tmp_path, monkeypatch):
     assert told == f"clearance: from the tool to a box {least}"
 
 
-def test_the_clearance_that_binds_is_told(tmp_path, monkeypatch):
+def test_the_clearance_that_binds_is_told(drawn, tmp_path):
     """Where a forearm passes a column, it is not the tool's."""
-    drawn = pages(monkeypatch)
     scene = deltaopt.load_scene(PROBLEMS / "keep_out" / "beside_a_column.yaml")
     line = deltaopt.baseline(scene)
     chart.draw(tmp_path / "plan.png", scene, line, {}, None)
@@ -166,8 +148,7 @@ def test_the_clearance_that_binds_is_told(tmp_path, monkeypatch):
     assert float(told.split()[7]) == pytest.approx(least, rel=0.01)  # as closely as it looks
 
 
-def test_what_a_motion_stays_in_and_meets_is_drawn(tmp_path, monkeypatch):
-    drawn = pages(monkeypatch)
+def test_what_a_motion_stays_in_and_meets_is_drawn(drawn, tmp_path):
     for number, name in enumerate(("paths/tube", "approach/25_305_25", "moving/belt")):
         scene = deltaopt.load_scene(PROBLEMS / f"{name}.yaml")
         at_rest = SCENE.model_copy(update={"robot": scene.robot, "start": scene.start})

@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pandas
 import pytest
-from matplotlib.figure import Figure
 
 import deltaopt
 from deltaopt.cli.map import _places_in_words
@@ -152,18 +151,6 @@ def test_numbers_of_plans_have_room_whatever_the_times_are(first, last, tmp_path
             for seconds, gap in zip((first, last), gaps, strict=False)
         ]
     plans.draw(SimpleNamespace(rows=rows), "c", tmp_path / "plans.png")
-
-
-@pytest.fixture
-def drawn(monkeypatch) -> list[Figure]:
-    found, write = list[Figure](), Figure.savefig
-
-    def also_kept(page, *arguments, **options):
-        found.append(page)
-        write(page, *arguments, **options)
-
-    monkeypatch.setattr(Figure, "savefig", also_kept)
-    return found
 
 
 def test_limits_are_headed_by_the_one_that_holds_longest(picked, drawn, tmp_path):
