@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.files.validated_record import Vector3
+from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.robot.drive import Drive
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Forearm, Platform, Robot, UpperArm
@@ -163,7 +163,7 @@ def _before_end(name: str, distance: float) -> Vector3:
         else:
             outside = middle
     point = begin + (inside - distance / np.linalg.norm(end - begin)) * (end - begin)
-    return _vector(point)
+    return vector3(point)
 
 
 def _exhausted(share: float, all_motors: bool) -> Scene:
@@ -184,8 +184,3 @@ def _heavy(times: float) -> Scene:
 def _holding(point: Vector3, payload: float | None) -> Array:
     """Torques that hold ORSINO still at a point."""
     return np.abs(DeltaModel(ORSINO, payload).inverse_dynamics(point, np.zeros(3), np.zeros(3)))
-
-
-def _vector(values: Array) -> Vector3:
-    x, y, z = values.tolist()
-    return x, y, z

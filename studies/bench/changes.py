@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.files.validated_record import Vector3
+from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.robot.drive import Friction
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.machine import Workspace
@@ -45,14 +45,10 @@ def with_drive(**of: object) -> Change:
     return change
 
 
-def torque_times(least: float, most: float) -> Change:
-    """So many times the torque there is."""
-
-    def change(scene: Scene, rng: np.random.Generator) -> Scene:
-        torque = np.multiply(scene.robot.torque_limits, rng.uniform(least, most))
-        return with_drive(torque=tuple(torque.tolist()))(scene, rng)
-
-    return change
+def strong_motors(scene: Scene, rng: np.random.Generator) -> Scene:
+    """Motors with five to twenty times the torque there is."""
+    torque = np.multiply(scene.robot.torque_limits, rng.uniform(5.0, 20.0))
+    return with_drive(torque=tuple(torque.tolist()))(scene, rng)
 
 
 def torque_that_holds(share: float) -> Change:
@@ -184,7 +180,7 @@ def lifted(scene: Scene, rng: np.random.Generator) -> Scene:
 
 def round_a_corner(scene: Scene, rng: np.random.Generator) -> Scene:
     corner = _middle(scene) + _across(scene, rng) * rng.uniform(0.1, 0.5)
-    path = Corners(points=(_vector(corner),), blend=0.1 * _distance(scene))
+    path = Corners(points=(vector3(corner),), blend=0.1 * _distance(scene))
     return scene.model_copy(update={"path": path})
 
 
@@ -227,13 +223,13 @@ def stopping(scene: Scene, rng: np.random.Generator) -> Scene:
 def to_a_belt(scene: Scene, rng: np.random.Generator) -> Scene:
     """To a point that moves horizontally."""
     velocity = 0.1 * _usual_speed(scene) * rng.uniform() * _unit(rng.normal(size=3) * [0, 1, 1])
-    goal = Belt(at=scene.given_points[1], belt=_vector(velocity))
+    goal = Belt(at=scene.given_points[1], belt=vector3(velocity))
     return scene.model_copy(update={"goal": goal})
 
 
 def _passed(scene: Scene, at: Vector3, share: float, rng: np.random.Generator) -> State:
     velocity = share * _usual_speed(scene) * rng.uniform() * _unit(rng.normal(size=3))
-    return State(at=at, velocity=_vector(velocity))
+    return State(at=at, velocity=vector3(velocity))
 
 
 def range_of_payloads(scene: Scene, rng: np.random.Generator) -> Scene:
@@ -253,7 +249,7 @@ def through_points(scene: Scene, rng: np.random.Generator) -> Scene:
     number = int(rng.integers(1, 4))
     shares = (1 + np.arange(number)) / (1 + number)
     via = tuple(
-        _vector(start + share * (goal - start) + rng.uniform(0, 0.3) * _across(scene, rng))
+        vector3(start + share * (goal - start) + rng.uniform(0, 0.3) * _across(scene, rng))
         for share in shares
     )
     return scene.model_copy(update={"via": via})
@@ -394,11 +390,6 @@ def _across(scene: Scene, rng: np.random.Generator) -> Array:
 
 def _unit(vector: Array) -> Array:
     return np.asarray(vector / np.linalg.norm(vector))
-
-
-def _vector(array: Array) -> Vector3:
-    x, y, z = array.tolist()
-    return x, y, z
 
 
 def rotated(scene: Scene, rng: np.random.Generator) -> Scene:

@@ -17,7 +17,7 @@ import numpy as np
 from deltaopt.codegen.vectorised import evaluate_rows
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import DeltaOptError, Infeasible, Unreachable
-from deltaopt.files.validated_record import Vector3
+from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot
@@ -76,13 +76,8 @@ def _random_points(model: DeltaModel, rng: np.random.Generator) -> Iterator[Vect
                 f"{model.robot.name}: no moves were found, for of {_MOST_BATCHES * _BATCH} random "
                 "points not even two are in the workspace"
             )
-        yield from (_point(each) for each in points[: len(points) // 2 * 2])
+        yield from map(vector3, points[: len(points) // 2 * 2])
         points = points[len(points) // 2 * 2 :]
-
-
-def _point(coordinates: Array) -> Vector3:
-    x, y, z = coordinates.tolist()
-    return x, y, z
 
 
 def _possible_points(

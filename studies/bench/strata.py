@@ -8,7 +8,7 @@ from math import inf
 
 import numpy as np
 
-from deltaopt.files.validated_record import Vector3
+from deltaopt.files.validated_record import vector3
 from deltaopt.robot.drive import Drive
 from deltaopt.robot.robot import Elbow, Forearm, Platform, Robot, UpperArm
 from deltaopt.robot.tool import Tool
@@ -43,10 +43,10 @@ from studies.bench.changes import (
     short,
     slow_motors,
     stopping,
+    strong_motors,
     through_points,
     to_a_belt,
     torque_that_holds,
-    torque_times,
     up_and_down,
     with_clearance,
 )
@@ -102,7 +102,7 @@ def _random(robot: Robot, rng: np.random.Generator) -> Robot:
         forearm=Forearm(length=arm * float(rng.uniform(1.3, 3.5)), mass=bars),
         platform=Platform(mass=platform),
         drive=Drive(
-            torque=_vector(torque), speed=float(rng.uniform(3, 30)) if rng.uniform() < 0.5 else None
+            torque=vector3(torque), speed=float(rng.uniform(3, 30)) if rng.uniform() < 0.5 else None
         ),
     )
 
@@ -111,21 +111,21 @@ def _tilted(robot: Robot, rng: np.random.Generator) -> Robot:
     """Gravity in any direction: on a wall, upside down."""
     direction = rng.normal(size=3)
     strength = np.linalg.norm(robot.gravity_vector) / np.linalg.norm(direction)
-    return robot.model_copy(update={"gravity": _vector(strength * direction)})
+    return robot.model_copy(update={"gravity": vector3(strength * direction)})
 
 
 def _with_tool(robot: Robot, rng: np.random.Generator) -> Robot:
     """A tool beside and below the platform's centre."""
     arm = robot.upper_arm.length
     offset = arm * rng.uniform([0.0, -0.3, -0.3], [0.5, 0.3, 0.3])
-    tool = Tool(offset=_vector(offset), mass=float(rng.uniform(0.0, 0.5)) * robot.platform.mass)
+    tool = Tool(offset=vector3(offset), mass=float(rng.uniform(0.0, 0.5)) * robot.platform.mass)
     return robot.model_copy(update={"tool": tool})
 
 
 def _unequal(robot: Robot, rng: np.random.Generator) -> Robot:
     """Motors that differ by up to a factor of five."""
     torque = np.multiply(robot.torque_limits, rng.uniform(0.2, 1.0, size=3))
-    drive = robot.drive.model_copy(update={"torque": _vector(torque)})
+    drive = robot.drive.model_copy(update={"torque": vector3(torque)})
     return robot.model_copy(update={"drive": drive})
 
 
@@ -139,11 +139,6 @@ def _detailed(robot: Robot, rng: np.random.Generator) -> Robot:
     platform = robot.platform.model_copy(update={"pins": pins})
     new = {"upper_arm": arm, "elbow": Elbow(mass=elbow), "platform": platform}
     return robot.model_copy(update=new)
-
-
-def _vector(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> Vector3:
-    x, y, z = values.tolist()
-    return x, y, z
 
 
 _INSIDE, _EDGE, _BORDER = Points(), Points(0.02, MARGIN), Points(0.005, 0.02)
@@ -160,8 +155,8 @@ STRATA: dict[str, Stratum] = {
     "weak, 2 % to spare": Stratum(_INSIDE, torque_that_holds(1.02)),
     "weak, 20 % to spare": Stratum(_INSIDE, torque_that_holds(1.2)),
     "weak edge": Stratum(_EDGE, torque_that_holds(1.2)),
-    "strong": Stratum(_INSIDE, torque_times(5.0, 20.0)),
-    "strong edge": Stratum(_EDGE, torque_times(5.0, 20.0)),
+    "strong": Stratum(_INSIDE, strong_motors),
+    "strong edge": Stratum(_EDGE, strong_motors),
     "slow motors": Stratum(_EDGE, slow_motors),
     "millimetres": Stratum(_INSIDE, short(-2.0, -2.0)),
     "micrometres": Stratum(_EDGE, short(-6.0, -3.0)),
