@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from textwrap import fill
 
 from deltaopt.files.tables import text_table
@@ -18,9 +18,3 @@ def table(rows: Sequence[tuple[str, ...]]) -> str:
 def paragraph(*sentences: str) -> str:
     """Return sentences as one paragraph of lines."""
     return fill(" ".join(sentences), WIDTH, break_long_words=False, break_on_hyphens=False)
-
-
-def csv(header: str, rows: Iterable[Sequence[object]]) -> str:
-    """Return a table of comma-separated values; commas inside cells become semicolons."""
-    lines = [",".join(str(cell).replace(",", ";") for cell in row) for row in rows]
-    return "\n".join([header, *lines]) + "\n"

@@ -13,7 +13,7 @@ import numpy as np
 import deltaopt
 from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.mechanism import Effort, Mechanism
-from deltaopt.limits.limit import SX, Bounds, Described, Instant, Limit, Numbers
+from deltaopt.limits.limit import SX, Described, Instant, Limit, Numbers
 from deltaopt.mechanisms.delta import functions, slender_bars
 from deltaopt.mechanisms.delta.kinematics import inverse_kinematics
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters, delta
@@ -30,27 +30,11 @@ to speed up and to brake more than the motors do."""
 class _OnTorque(Limit):
     """A second limit of each motor's torque; its bound is that of the attempt."""
 
-    name, unit, subject, order = "own", "1", "motor", 2
-    key, robot_key, promised = None, None, True
+    name, unit, subject, order, quantity = "own", "1", "motor", 2, "tau"
     bound: ClassVar[float] = 1.0
-
-    def __eq__(self, other: object) -> bool:
-        return type(other) is type(self)
-
-    def __hash__(self) -> int:
-        return hash(type(self))
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         return [(_OnTorque.bound,) * 3]
-
-    def bounds(self, numbers: SX) -> Bounds:
-        return Bounds.symmetric(numbers)
-
-    def measure(self, motion: Instant, numbers: SX) -> SX:
-        return motion.tau
-
-    def rows(self, motion: Instant, numbers: SX) -> SX:
-        return self.bounds(numbers).normalised(self.measure(motion, numbers))
 
     def measured(self, on: Loads, x: Array) -> Array:
         """The same by the campaign's own formulas."""

@@ -84,10 +84,6 @@ class Ended:
             "" if named else f"names none of {', '.join(names)}: {lines[-1]}"
         )
 
-    def wrong(self, *names: str) -> str:
-        """What is wrong with it where both a result and a refusal are right."""
-        return "" if self.code == 0 else self.unclear(*names)
-
     def failed(self) -> str:
         """What is wrong with it where only a result is right."""
         return "" if self.code == 0 else f"exit code {self.code} for harmless input: {self.last}"

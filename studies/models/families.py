@@ -23,7 +23,6 @@ from deltaopt.dynamics.formulation import state
 from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.mechanisms.delta.mechanism import delta
 from deltaopt.mechanisms.delta.singularities import parallel_margin
-from studies.spherical_pendulum import spherical_pendulum
 
 NEWTON_STEPS = 50
 """In double precision, from the family's guess."""
@@ -152,32 +151,5 @@ def delta_families() -> list[Family]:
             "all bars upright, elbows inside\nε = cos qₖ₂",
             lambda q, e: ca.cos(q[4:12:3]) - e,
             [0.673, 0.0, 0.0, *3 * [-2.094, -1.571, 0.0]],
-        ),
-    ]
-
-
-def pendulum_families() -> list[Family]:
-    """Return families towards where eq. (11) divides by zero, and where the angle φ loses its
-    meaning."""
-    mechanism = spherical_pendulum(1.0, 1.0, 9.81, lambda t: 0.1 * ca.sin(6 * t))
-    regular = np.array([0.0, 0.0, 0.0, 0.8, 0.3])
-    return [
-        Family(
-            "level",
-            "pendulum level\nε = cos θ",
-            mechanism,
-            np.empty(0),
-            lambda q, e: ca.vertcat(ca.cos(q[3]) - e, q[4] - 0.3),
-            np.array([0.3, 0.95, 0.0, 1.57, 0.3]),
-            regular,
-        ),
-        Family(
-            "hanging",
-            "pendulum hanging\nε = sin θ",
-            mechanism,
-            np.empty(0),
-            lambda q, e: ca.vertcat(ca.sin(q[3]) - e, q[4] - 0.3),
-            np.array([0.0, 0.0, 1.0, 0.01, 0.3]),
-            regular,
         ),
     ]

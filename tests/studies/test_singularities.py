@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
@@ -21,11 +22,31 @@ from deltaopt.mechanisms.delta.mechanism import MOTOR_ANGLES, delta
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
 from studies.models import singularities
-from studies.models.families import Family, Maker, delta_families, pendulum_families
+from studies.models.families import Family, Maker, delta_families
 from studies.problems import PROBLEMS
+from studies.spherical_pendulum import spherical_pendulum
 from tests.dynamics.bricard import bricard, bricard_start
 
-FAMILIES = {f.name: f for f in [*delta_families(), *pendulum_families()]}
+PENDULUM = spherical_pendulum(1.0, 1.0, 9.81, lambda t: 0.1 * ca.sin(6 * t))
+
+
+def of_pendulum(name: str, margin: Callable[[ca.SX], ca.SX], guess: list[float]) -> Family:
+    """States in which a function of the pendulum's angle θ is the distance."""
+    return Family(
+        name,
+        name,
+        PENDULUM,
+        np.empty(0),
+        lambda q, e: ca.vertcat(margin(q[3]) - e, q[4] - 0.3),
+        np.array(guess),
+        np.array([0.0, 0.0, 0.0, 0.8, 0.3]),
+    )
+
+
+# Towards where eq. (11) divides by zero, and where the angle φ loses its meaning.
+LEVEL = of_pendulum("level", ca.cos, [0.3, 0.95, 0.0, 1.57, 0.3])
+HANGING = of_pendulum("hanging", ca.sin, [0.0, 0.0, 1.0, 0.01, 0.3])
+FAMILIES = {f.name: f for f in [*delta_families(), LEVEL, HANGING]}
 EXACT = ManyDigits(50)
 P = np.array(PAPER.values())
 ROBOT = PROBLEMS / "robots/orsino.yaml"

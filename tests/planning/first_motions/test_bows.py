@@ -23,9 +23,7 @@ SHARES = np.linspace(0.0, 1.0, 401)
 
 
 def with_bodies(*bodies: dict) -> Scene:
-    return Scene.model_validate(
-        CROSS.model_dump(exclude_none=True) | {"robot": CROSS.robot, "keep_out": list(bodies)}
-    )
+    return CROSS.model_copy(update={"keep_out": bodies})
 
 
 def bows_of_line(scene: Scene) -> list[np.ndarray]:

@@ -18,14 +18,12 @@ from deltaopt.planning.switching.newton import solve_conditions
 from deltaopt.planning.switching.residuals import OptimalityResiduals
 from deltaopt.planning.switching.resolution import ResolvedMotion, SwitchResolution
 from deltaopt.planning.switching.structure import (
-    ActiveLimits,
     SwitchingStructure,
 )
 from tests import planned_scenes
 from tests.oracles.shooting import shoot
 from tests.planned_scenes import machine_code, random_move, scaling_of
 
-UP, DOWN = ActiveLimits(control=1), ActiveLimits(control=-1)
 NUMBER = 6
 """Of a random move of industrial: one of its arcs holds a motor at both of its limits."""
 
