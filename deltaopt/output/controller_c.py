@@ -1,7 +1,7 @@
 """A robot's kinematics and dynamics, and plans with a player, as C for a controller.
 
-The code is plain C99 without allocation, and of the C library it needs ``FUNCTIONS`` alone. What
-does not depend on the robot stands in ``c_templates``.
+The code is plain C99 without allocation, and of the C library it needs sin, cos, sqrt and atan2
+alone. What does not depend on the robot stands in ``c_templates``.
 """
 
 from __future__ import annotations
@@ -24,8 +24,6 @@ from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot, as_delta
 
-FUNCTIONS = ("sin", "cos", "sqrt", "atan2")
-"""All that the exported code needs of the C library."""
 _PLAYED = """
 /* Instants of the plan, and angles, speeds, accelerations, torques there. */
 enum { INSTANTS = ${number} };

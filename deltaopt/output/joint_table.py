@@ -253,15 +253,13 @@ def platform_motion(
     model: Model, theta: Array, dtheta: Array, ddtheta: Array
 ) -> tuple[Array, Array, Array]:
     """Position, velocity and acceleration of the tool's point, (N, 3) each, for a motion of the
-    motors, (N, 3) each: θ̇ = G v and θ̈ = G a + h (v) are solved for v and a.
+    motors, (N, 3) each: θ̇ = J v and θ̈ = J a + h (v) are solved for v and a.
 
     Raises Unreachable, and Singular in a singularity.
     """
-    x, rest = model.forward_kinematics(theta), np.zeros_like(theta)
-    motors = model.functions.motors
-    columns = [model.motion(x, np.tile(unit, (len(x), 1)), rest)[1] for unit in np.eye(3)]
-    G = np.stack([column[:, motors] for column in columns], axis=2)
-    v = np.asarray(np.linalg.solve(G, dtheta[..., None])[..., 0], dtype=np.float64)
-    h = model.motion(x, v, rest)[2][:, motors]
-    a = np.asarray(np.linalg.solve(G, (ddtheta - h)[..., None])[..., 0], dtype=np.float64)
+    x = model.forward_kinematics(theta)
+    J = model.jacobian(x)
+    v = np.asarray(np.linalg.solve(J, dtheta[..., None])[..., 0], dtype=np.float64)
+    h = model.motion(x, v, np.zeros(3))[2][:, model.functions.motors]
+    a = np.asarray(np.linalg.solve(J, (ddtheta - h)[..., None])[..., 0], dtype=np.float64)
     return x, v, a

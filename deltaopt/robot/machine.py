@@ -16,6 +16,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Self
 
 import casadi as ca
+import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import model_validator
 
@@ -248,6 +249,15 @@ class Model(ABC):
 
         Raises Unreachable, and Singular in a serial singularity.
         """
+
+    def jacobian(self, x: ArrayLike) -> Array:
+        """The matrix J of θ̇ = J v, (N, 3, 3) or (3, 3), rad/m, with the tool's point at x, m.
+
+        Raises Unreachable, and Singular in a serial singularity.
+        """
+        at_rest, motors = np.zeros(3), self.functions.motors
+        rates = [self.motion(x, v, at_rest)[1][..., motors] for v in np.eye(3)]
+        return np.stack(rates, axis=-1)
 
     @abstractmethod
     def inverse_dynamics(self, x: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:

@@ -249,15 +249,6 @@ class DeltaModel(Model):
             np.atleast_2d(tau)[places] = self.joint_inverse_dynamics(*motion)
         return tau
 
-    def jacobian(self, x: ArrayLike) -> Array:
-        """The matrix J of θ̇ = J v, (N, 3, 3) or (3, 3), rad/m, with the tool's point at x, m.
-
-        Raises Unreachable, and Singular in a serial singularity.
-        """
-        at_rest, motors = np.zeros(3), self.functions.motors
-        rates = [self.motion(x, v, at_rest)[1][..., motors] for v in np.eye(3)]
-        return np.stack(rates, axis=-1)
-
     def mass_matrix(self, x: ArrayLike) -> Array:
         """The matrix M of Jᵀ τ = M a at rest without gravity, (N, 3, 3) or (3, 3), kg: ½ vᵀ M v is
         the kinetic energy, drives included, with the tool's point at x, m.

@@ -42,10 +42,14 @@ def _rooms(scene: Scene, geometry: LinkGeometry) -> Array:
     return np.stack(found, axis=2)
 
 
+def link_radii(robot: Robot) -> Array:
+    """Of the capsules of all links, (6,), m."""
+    return np.array([robot.link_radius(link) for link in range(LINKS)])
+
+
 def kept_from_bodies(scene: Scene) -> Array:
     """How far the line of each link is to be from bodies, (6,), m."""
-    radii = np.array([as_delta(scene.robot).link_radius(k) for k in range(LINKS)])
-    return np.asarray(radii + scene.least_clearance)
+    return np.asarray(link_radii(as_delta(scene.robot)) + scene.least_clearance)
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ from deltaopt.robot.machine import Model
 from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.robot.solids import Convex, Polytope, Solid
 from deltaopt.scene.bodies import sums
-from deltaopt.scene.links import LINKS, LinkGeometry, each_link
+from deltaopt.scene.links import LinkGeometry, each_link, link_radii
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.measures import Excess, excess_of
 
@@ -187,7 +187,7 @@ def link_distances(scene: Scene, x: Array, theta: Array) -> Array:
     robot = as_delta(scene.robot)
     begin, end = LinkGeometry.at_angles(robot, x, theta).links
     found = [_nearest(body, begin, end - begin)[1] for body in _bodies(scene)]
-    return np.stack(found, axis=-1) - _radii(robot)[:, None]
+    return np.stack(found, axis=-1) - link_radii(robot)[:, None]
 
 
 def clearances(scene: Scene, motion: Motion) -> dict[str, Array]:
@@ -206,7 +206,7 @@ def sure_robot_clearance(scene: Scene, trajectory: Trajectory) -> float:
     """The least distance at all instants, m: where the motion is known to keep what the scene asks
     for that of an instant, and otherwise a bound that no instant falls below."""
     robot = as_delta(scene.robot)
-    bodies, radii = _bodies(scene), _radii(robot)
+    bodies, radii = _bodies(scene), link_radii(robot)
     largest = largest_accelerations(trajectory.position)
 
     def nearness(parts: Parts) -> tuple[Array, Array, Array]:
@@ -235,11 +235,6 @@ def sure_robot_clearance(scene: Scene, trajectory: Trajectory) -> float:
 
 def _bodies(scene: Scene) -> list[Convex]:
     return [body for _, body in sums(scene.keep_out or (), None)]
-
-
-def _radii(robot: Robot) -> Array:
-    """Of the capsules of all links, (6,), m."""
-    return np.array([robot.link_radius(link) for link in range(LINKS)])
 
 
 def moving_links(
