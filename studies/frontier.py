@@ -27,8 +27,8 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.planner import Planner
 from deltaopt.scene.scene import Scene
 from studies.frontier_peers import peers_of
-from studies.problems import PICK_AND_PLACE, PROBLEMS, add_directory, add_scenes
-from studies.records import add_drawn_again, read_records, write_records
+from studies.kept_rows import read_rows, rewrite_rows
+from studies.problems import PICK_AND_PLACE, PROBLEMS, add_directory, add_drawn_again, add_scenes
 from studies.text_table import paragraph, table
 
 HELP = "what accuracy costs: the default beside Ipopt in every formulation, and other programs"
@@ -250,8 +250,8 @@ def run(arguments: argparse.Namespace) -> int:
     file = a.directory / "frontier.csv"
     if not a.drawn_again:
         sizes = a.scenes, a.tolerances, a.finer, a.chosen, a.peer_settings
-        write_records(file, measure(ProgressBar(), *sizes), Attempt)
-    found = points(read_records(file, Attempt))
+        rewrite_rows(file, measure(ProgressBar(), *sizes))
+    found = points(read_rows(file, Attempt))
     print(table_of(found), verdict(found), sep="\n\n")
     absent = {name for p in a.scenes for name in peers_of(load_fastest(p))} - {
         p.method for p in found

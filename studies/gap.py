@@ -219,7 +219,7 @@ def campaign(
     def of(i: int) -> tuple[float, ...]:
         return (*tolerances, *(FINE if i % every == every - 1 else ()))
 
-    there = read_rows(file, Held)
+    there = read_rows(file, Held) if file.exists() else []
     counts = Counter(row.move for row in there)
     known = [row for row in there if counts[row.move] == len(of(row.move))]
     rewrite_rows(file, known)  # without the move at which it was interrupted

@@ -1,4 +1,5 @@
-"""Rows of results in a CSV file that grows as they come, so that what was interrupted goes on.
+"""Rows of results in a CSV file: one that grows as they come, so that what was interrupted goes on,
+or one that is drawn from, so that drawing is separate from computing.
 
 A row is a frozen dataclass of bool, int, float and str; its fields are the columns.
 """
@@ -28,10 +29,8 @@ _LARGEST = 1000
 
 
 def read_rows(file: Path, kind: type[R]) -> list[R]:
-    """The rows of a file; none if there is no file. An incomplete one at its end is left out, and
-    so are all of a file that lacks a column."""
-    if not file.exists():
-        return []
+    """The rows of a file. An incomplete one at its end is left out, and so are all of a file that
+    lacks a column. Raises OSError where there is no file."""
     kinds = {each.name: each.type for each in fields(kind)}
     rows = []
     for line in csv.DictReader(StringIO(content_of(file, _LARGEST).decode("utf-8"), newline="")):
@@ -73,7 +72,7 @@ def kept_rows(
     time, which are appended as they come.
     """
     file.parent.mkdir(parents=True, exist_ok=True)
-    known = read_rows(file, kind)
+    known = read_rows(file, kind) if file.exists() else []
     rewrite_rows(file, known)
     found, keys = {key_of(row): row for row in known}, list(keys)
     left = [key for key in keys if key not in found]

@@ -31,8 +31,8 @@ from deltaopt.plots.style import figure, name_lines, without_box
 from deltaopt.robot.model import delta_model
 from studies.bench.random_scenes import points_in_workspace
 from studies.cycle import DEPTHS, USUAL_DEPTH, by_law, over_wall, sampled_law
-from studies.problems import INDUSTRIAL, PROBLEMS, add_directory
-from studies.records import add_drawn_again, read_records, write_records
+from studies.kept_rows import read_rows, rewrite_rows
+from studies.problems import INDUSTRIAL, PROBLEMS, add_directory, add_drawn_again
 
 Rate = Callable[[Array], float]
 """Parts a minute by what the RMS of each motor's torque may be, (3,), N·m."""
@@ -202,8 +202,8 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.drawn_again:
         named = [(each.stem, deltaopt.load_robot(each)) for each in arguments.robots]
         found = (row for name, robot in named for row in rows(name, robot, arguments.shares))
-        write_records(file, found, Row)
-    told = read_records(file, Row)
+        rewrite_rows(file, found)
+    told = read_rows(file, Row)
     print(_HEAD, *told, sep="\n")
     draw(told, file.with_suffix(".png"))
     return 0

@@ -36,6 +36,15 @@ def add_scenes(parser: argparse.ArgumentParser, default: tuple[Path, ...] = SCEN
     )
 
 
+def add_drawn_again(parser: argparse.ArgumentParser) -> None:
+    """Add --drawn-again."""
+    parser.add_argument(
+        "--drawn-again",
+        action="store_true",
+        help="draw what an earlier run has written, and compute nothing",
+    )
+
+
 def add_directory(parser: argparse.ArgumentParser, name: str, what: str = "files") -> None:
     """Add -o DIR, the directory of ``what``; ``out/name`` by default."""
     default = Path("out") / name

@@ -15,8 +15,8 @@ from pathlib import Path
 from deltaopt.cli.arguments import load_fastest
 from deltaopt.compare.model_terms import effects_of_terms
 from deltaopt.files.progress_bar import ProgressBar
-from studies.problems import PICK_AND_PLACE, PROBLEMS, add_directory
-from studies.records import add_drawn_again, read_records, write_records
+from studies.kept_rows import read_rows, rewrite_rows
+from studies.problems import PICK_AND_PLACE, PROBLEMS, add_directory, add_drawn_again
 
 HELP = "what a scene needs to be modelled: what leaving out each term does"
 SCENES = tuple(
@@ -64,8 +64,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     file = arguments.directory / "terms.csv"
     if not arguments.drawn_again:
-        write_records(file, measure(arguments.scenes, ProgressBar()), Effect)
-    effects = read_records(file, Effect)
+        rewrite_rows(file, measure(arguments.scenes, ProgressBar()))
+    effects = read_rows(file, Effect)
     print(title(effects))
     draw(effects, file.with_suffix(".png"))
     return 0

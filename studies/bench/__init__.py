@@ -95,9 +95,9 @@ def _add_robots(parser: argparse.ArgumentParser, number: int, least: int = 1) ->
     )
 
 
-def _add(benchmarks: Any, name: str, run: Benchmark, **others: Any) -> argparse.ArgumentParser:
+def _add(benchmarks: Any, name: str, run: Benchmark) -> argparse.ArgumentParser:
     parser: argparse.ArgumentParser = benchmarks.add_parser(
-        name, help=run.__doc__, description=run.__doc__, **others
+        name, help=run.__doc__, description=run.__doc__
     )
     parser.set_defaults(benchmark=run)
     return parser

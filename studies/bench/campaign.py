@@ -48,11 +48,11 @@ class Row:
     robot: str
     stratum: str
     seconds: float
-    duration: float
-    gap: float
-    lower_bound: float
-    possible: bool
-    problem: str
+    duration: float = 0.0
+    gap: float = 0.0
+    lower_bound: float = 0.0
+    possible: bool = False
+    problem: str = ""
     impossible: str = ""
 
     @property
@@ -97,7 +97,6 @@ def row_of(each: Move, tolerance: float) -> Row:
         duration=found.duration,
         gap=found.gap,
         lower_bound=found.lower_bound,
-        possible=False,
         problem="; ".join(problems),
     )
 
@@ -113,9 +112,6 @@ def _without_plan(each: Move, seconds: float, error: Exception, checked: Possibi
         robot=each.scene.robot.name,
         stratum=each.stratum,
         seconds=seconds,
-        duration=0.0,
-        gap=0.0,
-        lower_bound=0.0,
         possible=checked.found,
         problem=f"{type(error).__name__}: {error}",
         impossible=checked.against,

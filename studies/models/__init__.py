@@ -12,8 +12,8 @@ import argparse
 
 from deltaopt.cli.arguments import one_or_more
 from deltaopt.files.progress_bar import ProgressBar
-from studies.problems import add_directory
-from studies.records import add_drawn_again, read_records, write_records
+from studies.kept_rows import read_rows, rewrite_rows
+from studies.problems import add_directory, add_drawn_again
 
 HELP = "which model of the Delta, when: error towards singularities beside cost"
 SMALL = {"motions": 1, "digits": 30, "states": 2, "rounds": 2, "distances": (1e-1, 1e-4)}
@@ -51,6 +51,6 @@ def run(arguments: argparse.Namespace) -> int:
         sizes = a.motions, a.digits, a.states, a.rounds
         found = measure(ProgressBar(), *sizes, a.distances)
         print(table_of(found), digits_table(found), verdict(found), sep="\n\n")
-        write_records(file, errors_of(found), Error)
-    draw(read_records(file, Error), a.directory / "digits.png")
+        rewrite_rows(file, errors_of(found))
+    draw(read_rows(file, Error), a.directory / "digits.png")
     return 0
