@@ -135,8 +135,6 @@ def test_another_payload(heavier, seed):
         other = scene.model_copy(update={"payload": payload})
         model = delta_model(scene.robot, scene.payload or 1.0)
         bad = replace(planned(name).slowed(slower), model=model)
-        if scene.payload is None:
-            bad = replace(bad, position=bad.position)
         found = verify(other, bad)
         assert not found.ok
         assert found.dynamic_error > DYNAMIC_ERROR
