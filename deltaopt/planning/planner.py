@@ -210,7 +210,6 @@ class Planner:
         scene: Scene,
         *,
         start: Motion | None = None,
-        near: Trajectory | None = None,
         starts: int = 1,
         seed: int = 1,
         exhaustive: float | None = None,
@@ -220,8 +219,6 @@ class Planner:
 
         ``start``: an instant of a motion in which the new one begins, instead of the scene's start;
         as in ``plan``, but with all that a scene asks for, such as bodies to keep clear of.
-        ``near``: a motion that is near the best one, such as that of another objective: if it leads
-        to a plan, no other way is looked for.
         ``starts``, ``seed``, ``exhaustive``, ``progress`` and the errors raised: as of the function
         ``plan``.
         """
@@ -236,8 +233,21 @@ class Planner:
             scene = scene.model_copy(update={"start": _state_of(start, scene.has_rates)})
             under_way = _rest_of(start)
         self._require_settings(scene, starts, exhaustive)
+        return self._told(lambda run: run.plan(scene, under_way, search), progress)
+
+    def plan_near(self, scene: Scene, motion: Trajectory) -> Plan:
+        """Plan the best motion of a scene near one that is known, such as that of another
+        objective. No other way is looked for.
+
+        Raises what rules the scene out, and NotConverged where the motion leads to no plan near an
+        optimum, or the path is given.
+        """
+        return self._told(lambda run: run.plan_near(scene, motion), None)
+
+    def _told(self, planned: Callable[[Run], Plan], progress: Progress | None) -> Plan:
+        """What a run plans, with its journal and how long it took."""
         begin, journal = perf_counter(), Journal(progress or (lambda _: None))
-        found = Run(self._optimiser, journal).plan(scene, under_way, near, search)
+        found = planned(Run(self._optimiser, journal))
         spent = perf_counter() - begin
         return replace(found, journal=tuple(journal.entries), solve_seconds=spent)
 

@@ -86,23 +86,18 @@ class Run(Loop):
         self,
         scene: Scene,
         under_way: PiecewisePolynomial | None,
-        near: Trajectory | None,
         search: Search | None,
     ) -> Plan:
         """The best plan of a scene.
 
-        ``under_way``: what would follow the start, if that is known. ``near``: a motion that is
-        near the best, such as that of another objective: if it leads to a plan, no other is looked
-        for. ``search``: for better plans than the usual one. Raises what rules a plan out, and
-        NotConverged.
+        ``under_way``: what would follow the start, if that is known. ``search``: for better plans
+        than the usual one. Raises what rules a plan out, and NotConverged.
         """
         check_feasible(scene)
 
         def usual(scene: Scene) -> Plan:
-            # from a motion that is near the best, or from the usual first motions
-            found = self._nearby(scene, near)
-            if found is None and not isinstance(scene.objective, Time):
-                found = self._at_least_cost(scene, under_way)
+            is_time = isinstance(scene.objective, Time)
+            found = None if is_time else self._at_least_cost(scene, under_way)
             return found or self._plan_by_limits(scene, under_way)
 
         if search is None:
@@ -112,6 +107,19 @@ class Run(Loop):
         if found.gap == inf and isinstance(scene.objective, Time) and found.lower_bound:
             found = replace(found, gap=found.duration / found.lower_bound - 1)
         return found
+
+    def plan_near(self, scene: Scene, motion: Trajectory) -> Plan:
+        """The plan that a motion near the best leads to, such as that of another objective. Raises
+        what rules a plan out, and NotConverged where it leads to none near an optimum."""
+        check_feasible(scene)
+
+        def nearby(scene: Scene) -> Plan:
+            found = self._nearby(scene, motion)
+            if found is None:
+                raise NotConverged("that motion is near no optimum", "Not_Near", motion)
+            return found
+
+        return self._links_clear(scene, nearby)
 
     def _links_clear(self, scene: Scene, planned: Callable[[Scene], Plan]) -> Plan:
         """The plan of a scene by its limits, with arms and forearms clear of bodies if asked."""
@@ -158,10 +166,10 @@ class Run(Loop):
             raise NotConverged("it runs into a body", "Not_Clear", found.trajectory)
         return found
 
-    def _nearby(self, scene: Scene, near: Trajectory | None) -> Plan | None:
-        """The plan that a motion near the best leads to; None without one, where it leads to none,
-        and on a given path."""
-        if near is None or isinstance(scene.task, OnPath):
+    def _nearby(self, scene: Scene, near: Trajectory) -> Plan | None:
+        """The plan that a motion near the best leads to; None where it leads to none, and on a
+        given path."""
+        if isinstance(scene.task, OnPath):
             return None
         found = self.made(on_few_intervals(scene, near, self.optimiser.intervals))
         if not isinstance(found, Plan) or found.gap > _NEARLY:

@@ -126,13 +126,19 @@ class PricedLegs:
         for index, (dwell, objective) in enumerate(zip(dwells, objectives, strict=False)):
             scene = cycle.leg(index, begins, start).model_copy(update={"objective": objective})
             planner = Planner(scene.robot, tolerance=tolerance)
-            near = before.legs[index].trajectory if before else None
-            with _named(index):
-                leg = planner.plan_scene(scene, near=near)
-            other = if_possible(NO_PLAN, planner.plan_scene, scene) if afresh else None
-            legs.append(min((leg, other or leg), key=lambda plan: plan.cost))
-            begins += legs[-1].duration + dwell
-            start = cycle.after(index, legs[-1].reached)
+            near = None
+            if before is not None:
+                known = before.legs[index].trajectory
+                near = if_possible(NO_PLAN, planner.plan_near, scene, known)
+            if near is None:
+                with _named(index):
+                    leg = planner.plan_scene(scene)
+            else:
+                other = if_possible(NO_PLAN, planner.plan_scene, scene) if afresh else None
+                leg = min((near, other or near), key=lambda plan: plan.cost)
+            legs.append(leg)
+            begins += leg.duration + dwell
+            start = cycle.after(index, leg.reached)
         found = CyclePlan(cycle, tuple(legs), dwells, tolerance=self.tolerance)
         return found if cycle.period is None else self._with_waits(found)
 
