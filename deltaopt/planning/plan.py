@@ -67,11 +67,12 @@ class Optimum:
 @dataclass(frozen=True)
 class TakenWay:
     """A way past bodies in words, and how long it takes, s. ``is_planned``: to the tolerance that
-    was asked for; otherwise on the first mesh alone, about."""
+    was asked for; otherwise on the first mesh alone, about. ``motion``: the best known along it."""
 
     name: str
     duration: float
     is_planned: bool
+    motion: Trajectory = field(repr=False)
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ not.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from functools import cache, partial, reduce
+from dataclasses import dataclass, field, replace
+from functools import partial, reduce
 from itertools import chain, islice
 from math import inf, isfinite
 from operator import attrgetter
@@ -48,8 +48,8 @@ from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.in_flight import finished_first, stop_of
 from deltaopt.planning.links_clear import keeping_links_clear
 from deltaopt.planning.loop import USUAL, Loop, Outcome, or_raise
-from deltaopt.planning.past_bodies.legs import proposed_in_legs
-from deltaopt.planning.past_bodies.ways import NEARLY, at_rest, fastest_way
+from deltaopt.planning.past_bodies.legs import proposed_in_legs, ways_in_legs
+from deltaopt.planning.past_bodies.ways import NEARLY, at_rest, fastest_way, ways_past
 from deltaopt.planning.path.path_planning import (
     fastest_along,
     near_corners,
@@ -80,7 +80,9 @@ Of a shorter one, as 1e-7 s before the end of another, verification cannot tell 
 
 @dataclass(frozen=True)
 class Run(Loop):
-    """Plans one scene."""
+    """Plans one scene. ``legs``: plans of its legs past bodies, or why there is no way, or None."""
+
+    legs: dict[Scene, Plan | Infeasible | None] = field(default_factory=dict)
 
     def plan(
         self,
@@ -227,9 +229,8 @@ class Run(Loop):
         first where bodies are in the way of the others."""
         if not limits_of(scene).constraints.has_convex:
             return self.until_good(scene, proposals)
-        refused = list[Infeasible]()
-        leg, first = cache(partial(self._leg, refused)), next(proposals, None)
-        legs = chain.from_iterable(proposed_in_legs(scene, leg, each) for each in _SLOWER)
+        first = next(proposals, None)
+        legs = chain.from_iterable(proposed_in_legs(scene, self._leg, each) for each in _SLOWER)
         if first is None or not is_clear(scene, first.motion):
             proposals = chain(legs, [first] if first else [], proposals)
         else:
@@ -237,11 +238,18 @@ class Run(Loop):
         found = self.until_good(scene, proposals)
         if isinstance(found, Plan):
             return self.improved(scene, found)
-        return refused[0] if refused else found
+        refused = (each for each in self.legs.values() if isinstance(each, Infeasible))
+        return next(refused, found)
 
-    def _leg(self, refused: list[Infeasible], scene: Scene) -> Plan | None:
-        """The plan of a leg past bodies, roughly; None where none is found. Why there is no way is
-        added to ``refused``."""
+    def _leg(self, scene: Scene) -> Plan | None:
+        """The plan of a leg past bodies, roughly; None where none is found."""
+        if scene not in self.legs:
+            self.legs[scene] = self._leg_or_why_not(scene)
+        found = self.legs[scene]
+        return found if isinstance(found, Plan) else None
+
+    def _leg_or_why_not(self, scene: Scene) -> Plan | Infeasible | None:
+        """The plan of a leg, why there is no way, or None where it is not known."""
         rough = replace(self, optimiser=replace(self.optimiser, tolerance=NEARLY))
         if scene.task.is_at_rest:
             try:
@@ -253,7 +261,7 @@ class Run(Loop):
                 return rough._plan_by_limits(scene, None)
             except Infeasible as error:
                 ends = " and ".join(in_words(point) for point in given_points(scene.task))
-                refused.append(Infeasible(f"from rest to rest between {ends} m: {error}"))
+                return Infeasible(f"from rest to rest between {ends} m: {error}")
             except NO_PLAN as error:
                 self.journal.note(str(error))
             return None
@@ -262,12 +270,9 @@ class Run(Loop):
 
     def _plan_moving(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
         """Plan the fastest motion in phases or where an end moves, from the first good guess."""
-        if scene.task.gates:
-            found = self._past_or_through(scene, through_gates(scene))
-        else:
-            found = self._moving_past(scene, under_way) or self._past_or_through(
-                scene, first_moving_motions(scene, under_way)
-            )
+        found = self._moving_past(scene, under_way) or self._past_or_through(
+            scene, _first_motions(scene, under_way)
+        )
         found = self._onto_belt(scene, found)
         if isinstance(scene.objective, Time):
             planned = partial(self._plan_by_limits, under_way=None)
@@ -318,7 +323,8 @@ class Run(Loop):
             free = self._in_the_open(without_bodies(scene), under_way)
             motion = free.trajectory
             if is_clear(scene, motion):
-                return replace(free, scene=scene, ways=(TakenWay(CLEAR, free.duration, True),))
+                taken = TakenWay(CLEAR, free.duration, True, motion)
+                return replace(free, scene=scene, ways=(taken,))
             self.journal.note("that motion runs into bodies; ways past them:")
         except ENDS_AN_ATTEMPT as error:
             self.journal.note(str(error))
@@ -327,12 +333,11 @@ class Run(Loop):
 
         found, failure = list[Plan](), None
         try:
-            # Past bodies a belt is met later than without them, so elsewhere.
-            ends = None if scene.task.goal.moves else motion
-            first = first_motion(at_rest(scene, ends))
-            way = Attempt(scene, first, self.optimiser.intervals)
+            way, sources = self._ways(scene, motion)
             enough = self.good_gap(scene)
-            plan, ways = fastest_way(way, motion, self.only_from, self.on_first_mesh, enough)
+            plan, ways = fastest_way(
+                way, sources, motion, self.only_from, self.on_first_mesh, enough
+            )
             found.append(replace(self.improved(scene, plan), scene=scene, ways=ways))
         except ENDS_AN_ATTEMPT as error:
             failure = error
@@ -342,9 +347,26 @@ class Run(Loop):
             raise failure
         return min(found, key=attrgetter("cost"))
 
+    def _ways(
+        self, scene: Scene, free: Trajectory | None
+    ) -> tuple[Attempt, Iterator[list[Proposal]]]:
+        """What ways past bodies are looked at from, and the ways, those of one source after the
+        other. ``free``: the fastest motion without bodies, None where that is not known."""
+        if scene.task.gates:
+            ways = [each for each in through_gates(scene) if is_clear(scene, each.motion)]
+            ways += ways_in_legs(scene, self._leg)
+            if not ways:
+                raise NotConverged("no simple motion leads past the bodies", "No_Start", free)
+            intervals = self.optimiser.intervals * (1 + len(scene.task.gates))
+            return Attempt(scene, ways[0].motion, intervals), iter([ways])
+        # Past bodies a belt is met later than without them, so elsewhere.
+        ends = None if scene.task.goal.moves else free
+        way = Attempt(scene, first_motion(at_rest(scene, ends)), self.optimiser.intervals)
+        return way, ways_past(way, free)
+
     def _moving_past(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan | None:
-        """The plan past bodies where an end moves; None without bodies, and where there is none.
-        Raises TooLate for a belt that is not met without bodies either."""
+        """The plan past bodies in phases or where an end moves; None without bodies, and where
+        there is none. Raises TooLate for a belt that is not met without bodies either."""
         if not limits_of(scene).constraints.has_convex:
             return None
         try:
@@ -357,9 +379,9 @@ class Run(Loop):
 
     def _in_the_open(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
         """The plan of a scene without bodies. Raises what rules it out."""
-        if scene.task.is_at_rest:
+        if scene.task.is_at_rest and not scene.task.gates:
             return self.by_merit(scene)
-        found = self.until_good(scene, first_moving_motions(scene, under_way))
+        found = self.until_good(scene, _first_motions(scene, under_way))
         return or_raise(self._onto_belt(scene, found))
 
     def _through_passages(self, scene: Scene) -> list[Plan]:
@@ -371,7 +393,8 @@ class Run(Loop):
         lines too, it is not known how much faster another one is: the gap is infinite.
         """
         usual = isinstance(self.optimiser.problem_formulation, Flat) and scene.task.is_at_rest
-        usual = usual and isinstance(scene.objective, Time) and not scene.planned_links
+        usual = usual and isinstance(scene.objective, Time)
+        usual = usual and not (scene.planned_links or scene.task.gates)
         found = list[Plan]()
         for corners in islice(paths_of_lines(scene), _PATHS) if usual else ():
             self.journal.note("near the corners of a path of straight lines:")
@@ -393,8 +416,16 @@ class Run(Loop):
         improved = (self.improved(scene, each) for each in found)
         known = next((each for each in improved if isfinite(each.gap)), None)
         best = quicker(known, found[0]) if known else found[0]
-        way = TakenWay(name_of_way(scene, best.trajectory), best.duration, True)
+        name = name_of_way(scene, best.trajectory)
+        way = TakenWay(name, best.duration, True, best.trajectory)
         return [replace(best, ways=(way,))]
+
+
+def _first_motions(scene: Scene, under_way: PiecewisePolynomial | None) -> Iterator[Proposal]:
+    """First motions in phases or where an end moves. ``under_way``: what would follow the start."""
+    if scene.task.gates:
+        return through_gates(scene)
+    return first_moving_motions(scene, under_way)
 
 
 def _resolvable(found: Plan) -> Plan:

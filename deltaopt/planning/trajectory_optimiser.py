@@ -111,10 +111,9 @@ class TrajectoryOptimiser:
         """The fastest motion on the first mesh alone, which may break limits between its points."""
         accuracy = max(self.accuracy, _TRIAL_TOLERANCE)
         guess = Guess(attempt.motion, attempt.is_near, accuracy, is_trial=True)
-        extent = None if attempt.problem.is_at_rest else attempt.motion.extent
-        scaling = Scaling(attempt.problem, attempt.motion.duration, extent=extent)
+        scaling = attempt.scaling(attempt.motion, attempt.motion.duration)
         program = self.program(scaling, fastest(attempt.problem))
-        return motion_on_first_mesh(program, scaling, guess, attempt.intervals)
+        return motion_on_first_mesh(program, scaling, guess, attempt.mesh)
 
     def fastest(self, attempt: Attempt, accuracy: float, report: Progress) -> Plan:
         """Plan the fastest motion, or that of the least time and effort, from one first guess and

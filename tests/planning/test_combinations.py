@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import pytest
 
-from deltaopt import Effort, SceneError, load_scene, plan, verify
+from deltaopt import Body, Effort, Plan, SceneError, load_scene, plan, verify
 from deltaopt.limits.running_cost import Running
 from deltaopt.motion.running_cost import running_cost
 from deltaopt.problem.of_scene import problem_of
@@ -34,6 +34,15 @@ FEATURES: dict[str, dict] = {
     "time and effort": {"objective": {"time": 1, "effort": 0.002}},
     "rates": {"limits": {"torque_rate": 5000.0}},
     "rotation": {"rotation": {"angle": 3.0, "speed": 30.0, "acceleration": 400.0}},
+}
+SMALL = {
+    "name": "small",
+    "base_radius": 0.1534,
+    "platform_radius": 0.0554,
+    "upper_arm": {"length": 0.1786, "mass": 0.8241},
+    "forearm": {"length": 0.4331, "mass": 0.1582},
+    "platform": {"mass": 0.2922},
+    "drive": {"torque": 3.1825, "speed": 12.6427627},
 }
 CELL = [
     {"box": {"from": [0.842, -1.0, 0.0], "to": [0.982, 1.0, 0.005]}},
@@ -152,6 +161,37 @@ def test_neighbours_on_a_belt_over_a_wall_into_a_box_have_neighbouring_plans():
         durations.append(found.duration)
     assert durations[0] == pytest.approx(durations[1], rel=2e-3)
     assert durations[2] == pytest.approx(durations[0], rel=0.05)
+
+
+@pytest.mark.parametrize("height", [0.026, 0.027, 0.028])
+def test_a_shelf_that_an_approach_just_clears_changes_nothing(height):
+    """The best motion without the shelf is clear of it, so it is the best one with it too."""
+    end, level = {"height": 0.025, "radius": 0.005}, 0.85 - height
+    shelf = {"box": {"from": [level - 0.04, -0.1, -0.5], "to": [level, 0.1, 0.5]}}
+    content = PLAIN | {"robot": ROBOT, "approach": {"start": end, "goal": end}}
+    free = Scene.model_validate(content)
+    beside = free.model_copy(update={"keep_out": (Body.model_validate(shelf),)})
+    assert good_plan(beside).duration == good_plan(free).duration
+
+
+def test_an_approach_past_a_narrow_wall_takes_no_longer_than_past_a_wide_one():
+    """What is clear of the wide wall is clear of the narrow one."""
+    end = {"height": 0.01786, "radius": 0.005358}
+
+    def past_a_wall(half_width: float) -> Plan:
+        corners = [0.35787, 0.016074, -half_width], [0.969575, 0.019646, half_width]
+        content = {
+            "robot": SMALL,
+            "payload": 0.1461,
+            "start": [0.433775, -0.1068771, 0.00893],
+            "goal": [0.430203, 0.1068771, -0.01786],
+            "approach": {"start": end, "goal": end},
+            "keep_out": [{"box": dict(zip(("from", "to"), corners, strict=True))}],
+        }
+        return good_plan(Scene.model_validate(content))
+
+    narrow, wide = past_a_wall(0.07144), past_a_wall(0.3572)
+    assert narrow.duration <= (1 + narrow.gap) * wide.duration
 
 
 @pytest.mark.parametrize("beside", ["via", "approach", "start state", "belt", "tube"])

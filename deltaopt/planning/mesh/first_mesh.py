@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import ENDS_AN_ATTEMPT, if_possible
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.constraint_tightening import first_tightening, points_apart
@@ -15,17 +14,16 @@ from deltaopt.planning.nlp.scaling import Scaling
 
 
 def motion_on_first_mesh(
-    program: Formulated, scaling: Scaling, guess: Guess, intervals: int
+    program: Formulated, scaling: Scaling, guess: Guess, mesh: Array
 ) -> Trajectory:
-    """The motion that solves a program on a mesh of equal intervals. Where it touches edges of
+    """The motion that solves a program on a mesh. Where it touches edges of
     bodies it is solved again in phases that meet on them; the faster of both is returned. Raises
     NotConverged.
 
     On a coarse mesh a motion passes an edge between two points, and a solver hardly ever moves it
     to another pair. An edge that is rounded by less than the points are apart is as sharp to it.
     """
-    intervals *= scaling.problem.together
-    own = program(np.full(intervals, 1 / intervals))
+    own = program(mesh)
     motion, solution = _solved(own, scaling, guess)
     apart = float(points_apart(scaling.problem, motion, own.mesh).max())
     faces = next_phases(own, scaling, motion, solution, sharp=apart)

@@ -24,10 +24,29 @@ from deltaopt.scene.moving_ends import Start
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 
+_PROMISING = 1.2
+"""How much slower than the best way of a leg another one may be."""
 _ALONE = dict.fromkeys(("via", "approach", "rotation")) | {"objective": Time()}
 """What a leg does not have."""
 Planned = Callable[[Scene], Plan | None]
 """Plans a leg; None where it finds none."""
+
+
+def ways_in_legs(scene: Scene, planned: Planned) -> list[Proposal]:
+    """Motions in legs, through some places of the points between, the shortest first: along the
+    best way of each leg, and with one leg along another of its ways, for what is best of a leg from
+    rest to rest may not be best of the whole."""
+    found = list[Trajectory]()
+    for legs in _in_legs(scene, planned):
+        best = [leg.trajectory for leg in legs]
+        found.append(reduce(Trajectory.then, best))
+        for k, leg in enumerate(legs):
+            others = (
+                way.motion for way in leg.ways[1:] if way.duration <= _PROMISING * leg.duration
+            )
+            found += [reduce(Trajectory.then, [*best[:k], each, *best[k + 1 :]]) for each in others]
+    found.sort(key=lambda motion: motion.duration)
+    return [Proposal("motions past the bodies from rest to rest", motion) for motion in found]
 
 
 def proposed_in_legs(scene: Scene, planned: Planned, slower: float) -> Iterator[Proposal]:

@@ -6,7 +6,7 @@ what is fast there is solved on a finer one, and what is fast on that is planned
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import dist, inf
@@ -68,8 +68,23 @@ Planning = Callable[[Attempt], Plan]
 """Plans from an attempt. Raises an error that ends an attempt."""
 
 
+def ways_past(attempt: Attempt, free: Trajectory | None) -> Iterator[list[Proposal]]:
+    """The ways past the bodies of a scene, those of one source after the other; ``attempt`` and
+    ``free`` as of ``fastest_way``. Raises Infeasible where there is none."""
+    resting, found = at_rest(attempt.scene, attempt.motion), False
+    for source in ways_around(resting, attempt.motion, free):
+        found = found or bool(source)
+        yield source
+    if found:
+        return
+    if not resting.planned_links:
+        raise Infeasible(no_way(resting))
+    yield [Proposal(f"the way {CLEAR}", attempt.motion)]  # a solver may move links out of bodies
+
+
 def fastest_way(
     attempt: Attempt,
+    sources: Iterator[list[Proposal]],
     free: Trajectory | None,
     planned: Planning,
     on_first_mesh: Callable[[Attempt], Trajectory],
@@ -77,24 +92,19 @@ def fastest_way(
 ) -> tuple[Plan, tuple[TakenWay, ...]]:
     """The best plan of all ways past the bodies of a scene, and the ways, first the one taken.
 
-    ``attempt``: from a motion from rest to rest that may run into bodies. ``free``: the fastest
-    motion without them, None where that is not known. ``on_first_mesh``: the motion that is best on
-    the first mesh of an attempt; it may raise an error that ends an attempt, as may ``planned``.
-    ``enough``: above this gap a plan is made again from a finer mesh. Raises Infeasible where there
-    is no way, and such an error where none leads to a plan.
+    ``attempt``: from a motion that may run into bodies. ``sources``: ways, those of one source
+    after the other. ``free``: the fastest motion without bodies, None where that is not known.
+    ``on_first_mesh``: the motion that is best on the first mesh of an attempt; it may raise an
+    error that ends an attempt, as may ``planned``.
+    ``enough``: above this gap a plan is made again from a finer mesh. Raises what sources raise,
+    and such an error where no way leads to a plan.
     """
-    resting = at_rest(attempt.scene, attempt.motion)
     ways, search = list[Proposal](), _SearchOfWays(attempt, free, planned, on_first_mesh, enough)
-    for source in ways_around(resting, attempt.motion, free):
+    for source in sources:
         ways += source[:_MOST_WAYS]
         search.look_at(source[:_MOST_WAYS])
         if search.is_good and search.gains_little:
             break
-    if not ways and resting.planned_links:  # a solver may move links out of bodies
-        ways = [Proposal(f"the way {CLEAR}", attempt.motion)]
-        search.look_at(ways)
-    if not ways:
-        raise Infeasible(no_way(resting))
     led = [search] if search.plans else []
     for factor in _FINER[1:]:
         if len(led) > 1 or any(each.is_good for each in led):
@@ -278,7 +288,8 @@ class _SearchOfWays:
         for i in sorted(durations, key=lambda i: (i != chosen, durations[i])):
             motion = plans[i].trajectory if i in plans else self.trials[i].finest
             name = name_of_way(self.attempt.scene, motion)
-            taken.setdefault(frozenset(name.split(", ")), TakenWay(name, durations[i], i in plans))
+            way = TakenWay(name, durations[i], i in plans, motion)
+            taken.setdefault(frozenset(name.split(", ")), way)
         return plans[chosen], tuple(taken.values())
 
 
