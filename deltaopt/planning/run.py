@@ -7,8 +7,8 @@ not.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
-from functools import partial, reduce
+from dataclasses import dataclass, replace
+from functools import cached_property, partial, reduce
 from itertools import chain, islice
 from math import inf, isfinite
 from operator import attrgetter
@@ -18,12 +18,9 @@ from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import (
     ENDS_AN_ATTEMPT,
     NO_PLAN,
-    RULED_OUT,
     DeltaOptError,
-    Infeasible,
     NotConverged,
     if_possible,
-    in_words,
 )
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.attempts import (
@@ -39,7 +36,6 @@ from deltaopt.planning.effort_planning import require_possible
 from deltaopt.planning.first_motions.around_bodies import CLEAR, is_clear, name_of_way
 from deltaopt.planning.first_motions.bands import without_bodies
 from deltaopt.planning.first_motions.initial_motion import Proposal
-from deltaopt.planning.first_motions.moving_ends import first_moving_motions
 from deltaopt.planning.first_motions.multistart import other_motions
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.first_motions.passages import paths_of_lines
@@ -48,7 +44,7 @@ from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.in_flight import finished_first, stop_of
 from deltaopt.planning.links_clear import keeping_links_clear
 from deltaopt.planning.loop import USUAL, Loop, Outcome, or_raise
-from deltaopt.planning.past_bodies.legs import proposed_in_legs, ways_in_legs
+from deltaopt.planning.past_bodies.legs import Legs, proposed_in_legs, ways_in_legs
 from deltaopt.planning.past_bodies.ways import NEARLY, at_rest, fastest_way, ways_past
 from deltaopt.planning.path.path_planning import (
     fastest_along,
@@ -56,12 +52,12 @@ from deltaopt.planning.path.path_planning import (
     planned_on_path,
     through_corners,
 )
-from deltaopt.planning.plan import Plan, TakenWay, quicker
+from deltaopt.planning.plan import Plan, TakenWay, quicker, resolvable
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import OnPath, given_points
+from deltaopt.scene.task import OnPath
 
 _PATHS = 2
 """How many paths of straight lines are planned along where no mesh finds its way: over few places,
@@ -73,16 +69,11 @@ _MISSED = 3e-3
 misses the tolerance: through a window of 3 mm one with 7e-3 was longer by 2 %."""
 _SLOWER = (1.5, 1.0)
 """By what factors legs past bodies are slowed, one after the other."""
-_SHORTEST_WAY = 1e-11
-"""Least way of a motion with moving ends, m: a hundred thousand times the rounding of coordinates.
-Of a shorter one, as 1e-7 s before the end of another, verification cannot tell speeds."""
 
 
 @dataclass(frozen=True)
 class Run(Loop):
-    """Plans one scene. ``legs``: plans of its legs past bodies, or why there is no way, or None."""
-
-    legs: dict[Scene, Plan | Infeasible | None] = field(default_factory=dict)
+    """Plans one scene."""
 
     def plan(
         self,
@@ -220,7 +211,7 @@ class Run(Loop):
         if task.moves_at_ends or task.gates:
             later = under_way if task.moves_at_ends else None
             planned = partial(self._plan_moving, under_way=later)
-            return _resolvable(self.at_worst(scene, planned))
+            return resolvable(self.at_worst(scene, planned))
         past_bodies = limits_of(scene).constraints.has_convex
         return self.at_worst(scene, self._past_bodies if past_bodies else self.by_merit)
 
@@ -230,7 +221,7 @@ class Run(Loop):
         if not limits_of(scene).constraints.has_convex:
             return self.until_good(scene, proposals)
         first = next(proposals, None)
-        legs = chain.from_iterable(proposed_in_legs(scene, self._leg, each) for each in _SLOWER)
+        legs = chain.from_iterable(proposed_in_legs(scene, self._legs, each) for each in _SLOWER)
         if first is None or not is_clear(scene, first.motion):
             proposals = chain(legs, [first] if first else [], proposals)
         else:
@@ -238,40 +229,27 @@ class Run(Loop):
         found = self.until_good(scene, proposals)
         if isinstance(found, Plan):
             return self.improved(scene, found)
-        refused = (each for each in self.legs.values() if isinstance(each, Infeasible))
-        return next(refused, found)
+        return next(iter(self._legs.refused), found)
 
-    def _leg(self, scene: Scene) -> Plan | None:
-        """The plan of a leg past bodies, roughly; None where none is found."""
-        if scene not in self.legs:
-            self.legs[scene] = self._leg_or_why_not(scene)
-        found = self.legs[scene]
-        return found if isinstance(found, Plan) else None
-
-    def _leg_or_why_not(self, scene: Scene) -> Plan | Infeasible | None:
-        """The plan of a leg, why there is no way, or None where it is not known."""
+    @cached_property
+    def _legs(self) -> Legs:
+        """The plans of legs past bodies."""
         rough = replace(self, optimiser=replace(self.optimiser, tolerance=NEARLY))
-        if scene.task.is_at_rest:
-            try:
-                check_feasible(scene)
-            except RULED_OUT as error:  # a stop or a run-up leads into a body; others may not
-                self.journal.note(str(error))
-                return None
-            try:
+
+        def planned(scene: Scene) -> Plan:
+            if scene.task.is_at_rest:
                 return rough._plan_by_limits(scene, None)
-            except Infeasible as error:
-                ends = " and ".join(in_words(point) for point in given_points(scene.task))
-                return Infeasible(f"from rest to rest between {ends} m: {error}")
-            except NO_PLAN as error:
-                self.journal.note(str(error))
-            return None
-        found = rough.until_good(scene, simple_motions(scene))
-        return found if isinstance(found, Plan) and is_clear(scene, found.trajectory) else None
+            found = rough.until_good(scene, simple_motions(scene))
+            if isinstance(found, Plan) and is_clear(scene, found.trajectory):
+                return found
+            raise NotConverged("no stop or run-up that is clear of all bodies", "No_Leg", None)
+
+        return Legs(planned, self.journal.note)
 
     def _plan_moving(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
         """Plan the fastest motion in phases or where an end moves, from the first good guess."""
         found = self._moving_past(scene, under_way) or self._past_or_through(
-            scene, _first_motions(scene, under_way)
+            scene, simple_motions(scene, under_way)
         )
         found = self._onto_belt(scene, found)
         if isinstance(scene.objective, Time):
@@ -351,10 +329,10 @@ class Run(Loop):
         self, scene: Scene, free: Trajectory | None
     ) -> tuple[Attempt, Iterator[list[Proposal]]]:
         """What ways past bodies are looked at from, and the ways, those of one source after the
-        other. ``free``: the fastest motion without bodies, None where that is not known."""
+        other. ``free``: the fastest motion without bodies, if that is known."""
         if scene.task.gates:
             ways = [each for each in through_gates(scene) if is_clear(scene, each.motion)]
-            ways += ways_in_legs(scene, self._leg)
+            ways += ways_in_legs(scene, self._legs)
             if not ways:
                 raise NotConverged("no simple motion leads past the bodies", "No_Start", free)
             intervals = self.optimiser.intervals * (1 + len(scene.task.gates))
@@ -381,7 +359,7 @@ class Run(Loop):
         """The plan of a scene without bodies. Raises what rules it out."""
         if scene.task.is_at_rest and not scene.task.gates:
             return self.by_merit(scene)
-        found = self.until_good(scene, _first_motions(scene, under_way))
+        found = self.until_good(scene, simple_motions(scene, under_way))
         return or_raise(self._onto_belt(scene, found))
 
     def _through_passages(self, scene: Scene) -> list[Plan]:
@@ -419,21 +397,3 @@ class Run(Loop):
         name = name_of_way(scene, best.trajectory)
         way = TakenWay(name, best.duration, True, best.trajectory)
         return [replace(best, ways=(way,))]
-
-
-def _first_motions(scene: Scene, under_way: PiecewisePolynomial | None) -> Iterator[Proposal]:
-    """First motions in phases or where an end moves. ``under_way``: what would follow the start."""
-    if scene.task.gates:
-        return through_gates(scene)
-    return first_moving_motions(scene, under_way)
-
-
-def _resolvable(found: Plan) -> Plan:
-    """The plan itself; raises Infeasible where its motion is too short for double precision."""
-    way = found.trajectory.extent
-    if way < _SHORTEST_WAY:
-        raise Infeasible(
-            f"the motion is {way:.1e} m long, which coordinates in double precision cannot "
-            f"resolve; at least {_SHORTEST_WAY:g} m are needed"
-        )
-    return found

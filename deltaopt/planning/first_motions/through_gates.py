@@ -75,9 +75,11 @@ def through_gates(scene: Scene) -> Iterator[Proposal]:
             yield Proposal(f"a stop, then {then.name}", stop.then(then.motion))
 
 
-def simple_motions(scene: Scene) -> Iterator[Proposal]:
-    """First motions in phases or where an end moves, as if nothing followed the start."""
-    return through_gates(scene) if scene.task.gates else first_moving_motions(scene, None)
+def simple_motions(
+    scene: Scene, under_way: PiecewisePolynomial | None = None
+) -> Iterator[Proposal]:
+    """First motions in phases or where an end moves. ``under_way``: what would follow the start."""
+    return through_gates(scene) if scene.task.gates else first_moving_motions(scene, under_way)
 
 
 def places_of_gates(scene: Scene) -> Iterator[Array]:

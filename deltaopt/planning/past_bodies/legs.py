@@ -9,30 +9,69 @@ plan where none leads to another: `Loop.at_worst`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from functools import reduce
 from itertools import pairwise
 
+from deltaopt.errors import NO_PLAN, RULED_OUT, Infeasible, in_words
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.trajectory import Trajectory, end_of, start_of
 from deltaopt.planning.first_motions.initial_motion import Proposal
 from deltaopt.planning.first_motions.moving_ends import run_up_to, stopping
 from deltaopt.planning.first_motions.through_gates import places_of_gates
+from deltaopt.planning.journal import Progress
 from deltaopt.planning.plan import Plan
 from deltaopt.problem.boundary import REST
 from deltaopt.problem.of_scene import problem_of
+from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.moving_ends import Start
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import given_points
 
 _PROMISING = 1.2
 """How much slower than the best way of a leg another one may be."""
 _ALONE = dict.fromkeys(("via", "approach", "rotation")) | {"objective": Time()}
 """What a leg does not have."""
-Planned = Callable[[Scene], Plan | None]
-"""Plans a leg; None where it finds none."""
 
 
-def ways_in_legs(scene: Scene, planned: Planned) -> list[Proposal]:
+@dataclass
+class Legs:
+    """The plans of legs, each made once.
+
+    ``planned``: plans a leg; raises that there is no plan. ``tell``: is called with why there is
+    none. ``refused``: why there is no way from rest to rest. ``known``: what came of legs.
+    """
+
+    planned: Callable[[Scene], Plan]
+    tell: Progress
+    refused: list[Infeasible] = field(default_factory=list)
+    known: dict[Scene, Plan | None] = field(default_factory=dict)
+
+    def __call__(self, scene: Scene) -> Plan | None:
+        """The plan of a leg; None where none is found."""
+        if scene not in self.known:
+            self.known[scene] = self._found(scene)
+        return self.known[scene]
+
+    def _found(self, scene: Scene) -> Plan | None:
+        try:
+            if scene.task.is_at_rest:
+                check_feasible(scene)
+        except RULED_OUT as error:  # a stop or a run-up leads into a body; others may not
+            self.tell(str(error))
+            return None
+        try:
+            return self.planned(scene)
+        except Infeasible as error:
+            ends = " and ".join(in_words(point) for point in given_points(scene.task))
+            self.refused.append(Infeasible(f"from rest to rest between {ends} m: {error}"))
+        except NO_PLAN as error:
+            self.tell(str(error))
+        return None
+
+
+def ways_in_legs(scene: Scene, planned: Legs) -> list[Proposal]:
     """Motions in legs, through some places of the points between, the shortest first: along the
     best way of each leg, and with one leg along another of its ways, for what is best of a leg from
     rest to rest may not be best of the whole."""
@@ -49,7 +88,7 @@ def ways_in_legs(scene: Scene, planned: Planned) -> list[Proposal]:
     return [Proposal("motions past the bodies from rest to rest", motion) for motion in found]
 
 
-def proposed_in_legs(scene: Scene, planned: Planned, slower: float) -> Iterator[Proposal]:
+def proposed_in_legs(scene: Scene, planned: Legs, slower: float) -> Iterator[Proposal]:
     """Motions in legs through some places of the points between, legs from rest to rest slowed by a
     factor: a method that begins at the limits hardly moves."""
     for legs in _in_legs(scene, planned):
@@ -61,7 +100,7 @@ def proposed_in_legs(scene: Scene, planned: Planned, slower: float) -> Iterator[
         yield Proposal("motions past the bodies from rest to rest", joined, len(parts))
 
 
-def _in_legs(scene: Scene, planned: Planned) -> Iterator[list[Plan]]:
+def _in_legs(scene: Scene, planned: Legs) -> Iterator[list[Plan]]:
     """The plans of all legs, through some places of the points between."""
     goal = scene.task.goal
     if not goal.is_given or scene.tube is not None:
