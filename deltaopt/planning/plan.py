@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from deltaopt.errors import Infeasible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.later import loaded
 from deltaopt.motion.certificate import Certificate
@@ -20,6 +21,10 @@ from deltaopt.motion.trajectory import Trajectory, end_of, moving_on, phase_dura
 from deltaopt.planning.journal import Entry
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
+
+_SHORTEST_WAY = 1e-11
+"""Least way of a motion with moving ends, m: a hundred thousand times the rounding of coordinates.
+Of a shorter one, as 1e-7 s before the end of another, verification cannot tell speeds."""
 
 
 @dataclass(frozen=True)
@@ -264,3 +269,14 @@ def quicker(one: Plan, other: Plan) -> Plan:
         gap=min(best.gap, best.cost / least - 1) if 0 < least <= best.cost else best.gap,
         iterations=one.iterations + other.iterations,
     )
+
+
+def resolvable(found: Plan) -> Plan:
+    """The plan itself; raises Infeasible where its motion is too short for double precision."""
+    way = found.trajectory.extent
+    if way < _SHORTEST_WAY:
+        raise Infeasible(
+            f"the motion is {way:.1e} m long, which coordinates in double precision cannot "
+            f"resolve; at least {_SHORTEST_WAY:g} m are needed"
+        )
+    return found

@@ -56,7 +56,7 @@ from deltaopt.planning.path.path_planning import (
     planned_on_path,
     through_corners,
 )
-from deltaopt.planning.plan import Plan, TakenWay, quicker
+from deltaopt.planning.plan import Plan, TakenWay, quicker, resolvable
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import Time
@@ -73,9 +73,6 @@ _MISSED = 3e-3
 misses the tolerance: through a window of 3 mm one with 7e-3 was longer by 2 %."""
 _SLOWER = (1.5, 1.0)
 """By what factors legs past bodies are slowed, one after the other."""
-_SHORTEST_WAY = 1e-11
-"""Least way of a motion with moving ends, m: a hundred thousand times the rounding of coordinates.
-Of a shorter one, as 1e-7 s before the end of another, verification cannot tell speeds."""
 
 
 @dataclass(frozen=True)
@@ -218,7 +215,7 @@ class Run(Loop):
         if task.moves_at_ends or task.gates:
             later = under_way if task.moves_at_ends else None
             planned = partial(self._plan_moving, under_way=later)
-            return _resolvable(self.at_worst(scene, planned))
+            return resolvable(self.at_worst(scene, planned))
         past_bodies = limits_of(scene).constraints.has_convex
         return self.at_worst(scene, self._past_bodies if past_bodies else self.by_merit)
 
@@ -395,14 +392,3 @@ class Run(Loop):
         best = quicker(known, found[0]) if known else found[0]
         way = TakenWay(name_of_way(scene, best.trajectory), best.duration, True)
         return [replace(best, ways=(way,))]
-
-
-def _resolvable(found: Plan) -> Plan:
-    """The plan itself; raises Infeasible where its motion is too short for double precision."""
-    way = found.trajectory.extent
-    if way < _SHORTEST_WAY:
-        raise Infeasible(
-            f"the motion is {way:.1e} m long, which coordinates in double precision cannot "
-            f"resolve; at least {_SHORTEST_WAY:g} m are needed"
-        )
-    return found
