@@ -319,9 +319,6 @@ class Run(Loop):
             self.journal.note("that motion runs into bodies; ways past them:")
         except ENDS_AN_ATTEMPT as error:
             self.journal.note(str(error))
-        if scene.tube is not None:  # no way around a body but in it
-            return self.by_merit(scene)
-
         found, failure = list[Plan](), None
         try:
             # Past bodies a belt is met later than without them, so elsewhere.
@@ -369,6 +366,7 @@ class Run(Loop):
         """
         usual = isinstance(self.optimiser.problem_formulation, Flat) and scene.task.is_at_rest
         usual = usual and isinstance(scene.objective, Time) and not scene.planned_links
+        usual = usual and scene.tube is None  # these paths know nothing of it
         found = list[Plan]()
         for corners in islice(paths_of_lines(scene), _PATHS) if usual else ():
             self.journal.note("near the corners of a path of straight lines:")
