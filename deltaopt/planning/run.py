@@ -308,7 +308,8 @@ class Run(Loop):
         """Plan past keep-out bodies: as if there were none, where that motion is clear of all;
         otherwise the best plan of the ways that are found, with all of these.
 
-        Raises Infeasible where there is no way, and NotConverged where none leads to a plan.
+        Raises Infeasible where there is no way, and NotConverged where none leads to a plan, and
+        in a tube.
         """
         motion: Trajectory | None = None
         try:
@@ -319,15 +320,11 @@ class Run(Loop):
             self.journal.note("that motion runs into bodies; ways past them:")
         except ENDS_AN_ATTEMPT as error:
             self.journal.note(str(error))
+        if scene.tube is not None:  # straight lines leave it; its axis tells what is in the way
+            return if_possible(NO_PLAN, self._fastest_way, scene, motion) or self.by_merit(scene)
         found, failure = list[Plan](), None
         try:
-            # Past bodies a belt is met later than without them, so elsewhere.
-            ends = None if scene.task.goal.moves else motion
-            first = first_motion(at_rest(scene, ends))
-            way = Attempt(scene, first, self.optimiser.intervals)
-            enough = self.good_gap(scene)
-            plan, ways = fastest_way(way, motion, self.only_from, self.on_first_mesh, enough)
-            found.append(replace(self.improved(scene, plan), scene=scene, ways=ways))
+            found.append(self._fastest_way(scene, motion))
         except ENDS_AN_ATTEMPT as error:
             failure = error
         if not found or found[0].gap > max(self.optimiser.tolerance, _MISSED):
@@ -335,6 +332,16 @@ class Run(Loop):
         if failure and not found:
             raise failure
         return min(found, key=attrgetter("cost"))
+
+    def _fastest_way(self, scene: Scene, free: Trajectory | None) -> Plan:
+        """The best plan of the ways past bodies. ``free``: the fastest motion without them, if it
+        is known. Raises Infeasible where there is no way, and what ends an attempt."""
+        # Past bodies a belt is met later than without them, so elsewhere.
+        first = first_motion(at_rest(scene, None if scene.task.goal.moves else free))
+        way = Attempt(scene, first, self.optimiser.intervals)
+        enough = self.good_gap(scene)
+        plan, ways = fastest_way(way, free, self.only_from, self.on_first_mesh, enough)
+        return replace(self.improved(scene, plan), scene=scene, ways=ways)
 
     def _moving_past(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan | None:
         """The plan past bodies where an end moves; None without bodies, and where there is none.
@@ -366,7 +373,6 @@ class Run(Loop):
         """
         usual = isinstance(self.optimiser.problem_formulation, Flat) and scene.task.is_at_rest
         usual = usual and isinstance(scene.objective, Time) and not scene.planned_links
-        usual = usual and scene.tube is None  # these paths know nothing of it
         found = list[Plan]()
         for corners in islice(paths_of_lines(scene), _PATHS) if usual else ():
             self.journal.note("near the corners of a path of straight lines:")
