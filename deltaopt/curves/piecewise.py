@@ -221,3 +221,11 @@ def shifted(coefficients: Array, by: Array | float) -> Array:
         for j in reversed(range(k, len(found) - 1)):
             found[j] += by * found[j + 1]
     return found
+
+
+def away_from_lines(begin: Array, way: Array, x: Array) -> Array:
+    """How places (N, 3) lie from the nearest place of each of some straight lines, (N, lines, 3);
+    ``begin``, ``way``: where each begins, and from there to its end, (lines, 3)."""
+    since = x[:, None] - begin
+    shares = np.clip((since * way).sum(axis=2) / (way**2).sum(axis=1), 0.0, 1.0)
+    return np.asarray(since - shares[:, :, None] * way)

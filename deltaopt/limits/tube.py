@@ -19,7 +19,7 @@ from itertools import chain
 import casadi as ca
 import numpy as np
 
-from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, shifted
+from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, away_from_lines, shifted
 from deltaopt.limits.limit import SX, Bounds, Described, DividedLimit, Instant, Numbers, OwnMeasure
 from deltaopt.limits.solid_distance import root
 
@@ -92,11 +92,9 @@ class Tube(DividedLimit):
     def nearest(self, numbers: Array, x: Array) -> Index:
         # By chords, for where a motion passes from one region to the next is free.
         pieces = _pieces(numbers)
-        begin, chord = pieces[:, 0], pieces[:, 1:].sum(axis=1)
-        since = x[:, None] - begin
-        shares = np.clip((since * chord).sum(axis=2) / (chord**2).sum(axis=1), 0.0, 1.0)
-        away = np.linalg.norm(since - shares[:, :, None] * chord, axis=2)
-        return np.asarray(np.searchsorted(_divisions(numbers), away.argmin(axis=1), side="right"))
+        away = away_from_lines(pieces[:, 0], pieces[:, 1:].sum(axis=1), x)
+        nearest = np.linalg.norm(away, axis=2).argmin(axis=1)
+        return np.asarray(np.searchsorted(_divisions(numbers), nearest, side="right"))
 
 
 def _pieces(numbers: Array) -> Array:

@@ -294,7 +294,7 @@ class Run(Loop):
         """Plan past keep-out bodies: as if there were none, where that motion is clear of all;
         otherwise the best plan of the ways that are found, with all of these.
 
-        Raises Infeasible where there is no way, and NotConverged where none leads to a plan.
+        Raises Infeasible where no way is found, and NotConverged.
         """
         motion: Trajectory | None = None
         try:
@@ -306,17 +306,11 @@ class Run(Loop):
             self.journal.note("that motion runs into bodies; ways past them:")
         except ENDS_AN_ATTEMPT as error:
             self.journal.note(str(error))
-        if scene.tube is not None:  # no way around a body but in it
-            return self.by_merit(scene)
-
+        if scene.tube is not None:  # straight lines leave it; its axis tells what is in the way
+            return if_possible(NO_PLAN, self._fastest_way, scene, motion) or self.by_merit(scene)
         found, failure = list[Plan](), None
         try:
-            way, sources = self._ways(scene, motion)
-            enough = self.good_gap(scene)
-            plan, ways = fastest_way(
-                way, sources, motion, self.only_from, self.on_first_mesh, enough
-            )
-            found.append(replace(self.improved(scene, plan), scene=scene, ways=ways))
+            found.append(self._fastest_way(scene, motion))
         except ENDS_AN_ATTEMPT as error:
             failure = error
         if not found or found[0].gap > max(self.optimiser.tolerance, _MISSED):
@@ -324,6 +318,14 @@ class Run(Loop):
         if failure and not found:
             raise failure
         return min(found, key=attrgetter("cost"))
+
+    def _fastest_way(self, scene: Scene, free: Trajectory | None) -> Plan:
+        """The best plan of the ways past bodies. ``free``: the fastest motion without them, if it
+        is known. Raises Infeasible where there is no way, and what ends an attempt."""
+        way, sources = self._ways(scene, free)
+        enough = self.good_gap(scene)
+        plan, ways = fastest_way(way, sources, free, self.only_from, self.on_first_mesh, enough)
+        return replace(self.improved(scene, plan), scene=scene, ways=ways)
 
     def _ways(
         self, scene: Scene, free: Trajectory | None
@@ -370,10 +372,9 @@ class Run(Loop):
         two of its points, and never come back. Where that is so from the best motion along these
         lines too, it is not known how much faster another one is: the gap is infinite.
         """
-        usual = isinstance(self.optimiser.problem_formulation, Flat) and scene.task.is_at_rest
-        usual = usual and isinstance(scene.objective, Time)
-        usual = usual and not (scene.planned_links or scene.task.gates)
-        found = list[Plan]()
+        is_flat = isinstance(self.optimiser.problem_formulation, Flat)
+        in_one = scene.task.is_at_rest and not (scene.task.gates or scene.planned_links)
+        usual, found = is_flat and in_one and isinstance(scene.objective, Time), list[Plan]()
         for corners in islice(paths_of_lines(scene), _PATHS) if usual else ():
             self.journal.note("near the corners of a path of straight lines:")
             for make in (near_corners, through_corners) if len(corners) > 2 else ():

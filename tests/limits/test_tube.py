@@ -18,6 +18,7 @@ from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import SceneError, Unreachable
 from deltaopt.limits.tube import Tube
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.first_motions.in_tube import room_in_tube
 from deltaopt.planning.plan import Plan
 from deltaopt.scene.objective import Effort, TimeAndEffort
 from deltaopt.scene.scene import Scene
@@ -207,6 +208,44 @@ def test_a_way_is_found_where_the_path_itself_leaves_the_workspace():
     place = np.array([[float(each) for each in written.split(", ")]])
     assert away_by_samples(scene, place).max() < 1e-6 + SPACING_SQUARED**0.5
     assert np.isnan(Statics(scene.robot, 0.0).at(place).angles).any()
+
+
+def beside(body: dict, path: str | dict, tube: float, points: list) -> tuple[Scene, Scene]:
+    """The move past a body in a tube, and along a path of straight lines through its room."""
+    scene = {**BENT.model_dump(), "keep_out": [body]}
+    known = {**scene, "tube": None, "path": {"points": points, "blend": 0.005}}
+    found = {**scene, "tube": tube, "path": path}
+    return Scene.model_validate(found), Scene.model_validate(known)
+
+
+@pytest.mark.parametrize(("half", "tube"), [(0.009, 0.01), (0.01, 0.03), (0.026, 0.03)])
+def test_a_body_across_the_axis_is_passed_in_the_tube(half: float, tube: float):
+    """There is room on both sides, but the axis, the only motion that was tried, leads through."""
+    body = {"box": {"from": [0.75, -0.01, -half], "to": [1.4, 0.01, half]}}
+    aside = (half + tube) / 2
+    points = [[0.85, y, aside] for y in (-0.12, 0.12)]
+    scene, known = beside(body, "line", tube, points)
+    assert planned(scene).duration < good_plan(known).duration
+
+
+def test_a_wall_across_a_bent_axis_is_passed_in_the_tube():
+    """By a path that is 23 mm from the axis at most; this wall and higher ones were not passed."""
+    body = {"box": {"from": [0.774, -0.03, -0.5], "to": [1.4, 0.03, 0.5]}}
+    points = [[x, y, 0.0] for x, y in ((0.79, -0.15), (0.767, -0.12), (0.767, 0.12), (0.79, 0.15))]
+    path = {"pick_and_place": {"height": 0.06, "blend": 0.02}}
+    scene, known = beside(body, path, 0.03, points)
+    assert planned(scene).duration < good_plan(known).duration
+
+
+def test_room_in_a_tube_for_first_motions():
+    """By straight lines along its axis: beside its roundings of 20 mm within 0.2 mm."""
+    x = np.array([0.84, 0.0, 0.0]) + np.random.default_rng(3).uniform(-0.03, 0.03, (300, 3))
+    x[:, 1] *= 6
+    room, inwards = room_in_tube(BENT.axis_of_tube, 0.02, x)
+    np.testing.assert_allclose(0.02 - away_by_samples(BENT, x), room, atol=2e-4)
+    step = 1e-7 * np.random.default_rng(4).standard_normal((300, 3))
+    more, _ = room_in_tube(BENT.axis_of_tube, 0.02, x + step)
+    np.testing.assert_allclose(more - room, (inwards * step).sum(axis=1), atol=1e-10)
 
 
 def test_a_free_motion_leaves_the_tube():

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, reduce
-from math import dist, hypot
+from math import dist, hypot, inf
 
 import casadi as ca
 import numpy as np
@@ -21,6 +21,7 @@ from deltaopt.mechanisms.functions import Functions
 from deltaopt.motion.links import planned_distances
 from deltaopt.motion.sure_bounds import signed_distances, sure_excess
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.first_motions.in_tube import room_in_tube
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.links import name_of
 from deltaopt.scene.scene import Scene
@@ -71,16 +72,18 @@ between which it leads through."""
 @dataclass(frozen=True)
 class Bodies:
     """The bodies of a scene as functions of the place. ``ends``: of paths past them, (2, 3), m.
-    ``margin``: how far paths stay from bodies where there is room, a share of the way."""
+    ``margin``: how far paths stay from bodies where there is room, a share of the way. ``tube``:
+    the radius of the scene's tube, m, if paths are to stay in it as they stay clear of bodies."""
 
     scene: Scene
     ends: Array
     margin: float = MARGIN
+    tube: float = inf
 
     @classmethod
     def of(cls, scene: Scene) -> Bodies:
-        """From rest to rest."""
-        return cls(scene, np.array(given_points(scene.task)))
+        """From rest to rest, in a tube if there is one."""
+        return cls(scene, np.array(given_points(scene.task)), tube=scene.tube or inf)
 
     @classmethod
     def along(cls, scene: Scene, motion: Trajectory) -> tuple[Bodies, Array]:
@@ -90,19 +93,24 @@ class Bodies:
 
     @cached_property
     def way(self) -> float:
-        """How far the ends are apart, m."""
-        return dist(self.ends[1], self.ends[0])
+        """How far the ends are apart, m, and at most how wide a tube is: no path is bent more."""
+        return min(dist(self.ends[1], self.ends[0]), 2 * self.tube)
 
     def distances(self, x: Array) -> tuple[Array, Array]:
         """How far the tool's point at places (N, 3), m, is from bodies, and then links that are
-        planned to keep clear of them, (N, rows), and the derivatives by the place, (N, rows, 3)."""
+        planned to keep clear of them, and at last from a tube's wall, (N, rows), and the
+        derivatives by the place, (N, rows, 3)."""
         distance, slope = signed_distances(problem_of(self.scene), x)
-        if not self.scene.planned_links:
-            return distance, slope
-        of_links, by_place = planned_distances(self.scene, x)
-        out_of_reach = np.isnan(of_links) | np.isnan(by_place).any(axis=2)  # another limit holds
-        of_links[out_of_reach], by_place[out_of_reach] = np.inf, 0.0
-        return np.hstack([distance, of_links]), np.hstack([slope, by_place])
+        if self.scene.planned_links:
+            of_links, by_place = planned_distances(self.scene, x)
+            lost = np.isnan(of_links) | np.isnan(by_place).any(axis=2)  # another limit holds
+            of_links[lost], by_place[lost] = inf, 0.0
+            distance, slope = np.hstack([distance, of_links]), np.hstack([slope, by_place])
+        if self.tube < inf:
+            room, inwards = room_in_tube(self.scene.axis_of_tube, self.tube, x)
+            distance = np.hstack([distance, room[:, None]])
+            slope = np.hstack([slope, inwards[:, None]])
+        return distance, slope
 
     @cached_property
     def at_ends(self) -> Array:
@@ -112,9 +120,9 @@ class Bodies:
     @cached_property
     def kept(self) -> Array:
         """The least distance from each body, m, then those of links that are planned to keep clear
-        of one."""
-        links = [each.least for each in self.scene.kept_links]
-        return np.append(problem_of(self.scene).limits.least_distances, links)
+        of one, and from a tube's wall."""
+        others = [each.least for each in self.scene.kept_links] + [0.0] * (self.tube < inf)
+        return np.append(problem_of(self.scene).limits.least_distances, others)
 
     def margins(self, x: Array) -> Array:
         """How far places (…, 3) are to be from bodies, (…, rows): less near an end that is."""
@@ -279,7 +287,7 @@ class Bodies:
         found, tools = [], [("", index) for index, _ in self.scene.obstacles]
         links = [(name_of(link), index) for link, index, _ in self.scene.planned_links]
         used = np.flatnonzero(np.isfinite(self.kept))  # rows that are of a body
-        for row, (link, index) in zip(used, tools + links, strict=True):
+        for row, (link, index) in zip(used, tools + links, strict=False):  # not of a tube
             places = np.flatnonzero(near[:, row])
             if len(places):
                 place = int(places[len(places) // 2])
