@@ -13,6 +13,7 @@ from deltaopt import (
     Cycle,
     Effort,
     Infeasible,
+    Robot,
     Scene,
     SceneError,
     State,
@@ -392,3 +393,25 @@ def test_what_rules_a_leg_out_has_its_number():
     onto, off = belt_cycle()[0].legs
     with pytest.raises(Infeasible, match="leg 2: start: the platform cannot be at"):
         plan_cycle(Cycle(legs=(onto, off), dwells=(9.0, 0.0), rms_torque=22.0))
+
+
+def test_a_looser_limit_of_rms_torque_makes_no_cycle_with_a_belt_longer():
+    """About the looser one the motors leap from round to round, of which few keep it."""
+    robot = Robot(
+        name="small",
+        base_radius=0.0546,
+        platform_radius=0.0097,
+        upper_arm={"length": 0.0943, "mass": 0.1121, "radius": 0.0094},
+        forearm={"length": 0.2843, "mass": 0.0593, "radius": 0.0066},
+        platform={"mass": 0.1078},
+        drive={"torque": 1.9644, "speed": 5.097},
+    )
+    at, start = (0.2928927, 0.0433412, -0.00943), (0.2947787, -0.0433412, 0.004715)
+    goal = Belt(at=at, belt=(0.0, 0.0, 0.01886))
+    onto = Scene(robot=robot, payload=0.0539, start=start, goal=goal)
+    off = Scene(robot=robot, start=State(at=at, velocity=goal.belt), goal=start)
+    tight, loose = (
+        plan_cycle(Cycle(legs=(onto, off), dwells=(0.02, 0.01), rms_torque=r))
+        for r in (0.864336, 0.903624)
+    )
+    assert loose.period < tight.period

@@ -100,7 +100,10 @@ def plan_cycle(
         gap = _above(sought.value(best), bound) if best else inf
         tell(f"round {number}: {found.in_words}" + ("" if kept is None else f"; {kept.in_words}"))
         is_elsewhere = afresh and (not gaps or gap > gaps[-1] / _LESS)
-        gaps = [gap] if is_elsewhere else [*gaps, gap]
+        if is_elsewhere:
+            gaps = [gap]
+        elif kept is not None or cycle.period is not None:
+            gaps.append(gap)  # legs that end moving leap about their limits, which tells nothing
         waits = cycle.period is None and best is not None and best.dwells != cycle.least_dwells
         patience = 2 * _PATIENCE if waits else _PATIENCE
         done = gap <= tolerance or (len(gaps) > patience and gap > _LESS * gaps[-1 - patience])
