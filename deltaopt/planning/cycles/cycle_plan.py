@@ -28,8 +28,9 @@ class CyclePlan:
     estimated relative excess of the period over the least possible with such ways, or of the heat
     in a given period; with belts, whose places depend on when they are met, as if each leg had to
     begin when it does. ``tolerance``: what was asked for. ``prices``: of each motor's RMS torque:
-    one per cent more of it would make the period shorter by so many per cent. ``rounds``: how often
-    all legs were planned.
+    one per cent more of it would make the period, or the heat in a given one, less by so many per
+    cent. ``rounds``: how often all legs were planned, without those for the least period where
+    another is given.
 
     Examples:
         >>> plan = deltaopt.plan_cycle(deltaopt.load_cycle("problems/cycles/there_and_back.yaml"))

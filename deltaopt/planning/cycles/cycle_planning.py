@@ -7,9 +7,10 @@ limit on its RMS torque. With the multipliers λ / r² of the motors' limits the
 
 is a sum over legs: each takes the least of (1 - Σ λ) T + Σ λ ∫ τ² dt / r² by itself, whatever else
 it is asked for: bodies, belts, via points. Where the period is given and the heat Σ h S the least,
-time has a price as well. `prices` finds those at which the limits are kept and nothing that is paid
-for is left over. Whatever they are, the sum of the legs' least costs bounds the cycle's from below,
-which tells the gap.
+time has a price as well. Where the fastest legs make motors too hot in that period, the cycle of
+least period is planned first: its legs and prices are nearer. `prices` finds those at which the
+limits are kept and nothing that is paid for is left over. Whatever they are, the sum of the legs'
+least costs bounds the cycle's from below, which tells the gap.
 """
 
 from __future__ import annotations
@@ -20,10 +21,16 @@ from math import inf
 
 import numpy as np
 
-from deltaopt.errors import Infeasible
+from deltaopt.errors import NO_PLAN, if_possible
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.cycles.priced_legs import SPARED, PricedLegs, Round
 from deltaopt.planning.cycles.prices import broyden
+from deltaopt.planning.cycles.refusals import (
+    require_long_enough,
+    require_priced,
+    require_rides,
+    too_hot,
+)
 from deltaopt.planning.journal import Progress
 from deltaopt.scene.cycle import Cycle
 from deltaopt.scene.objective import Time
@@ -62,13 +69,21 @@ def plan_cycle(
     fastest = sought.planned(repeat(Time()), None)
     tell(f"legs as fast as possible: {fastest.in_words}")
     if cycle.period is None and sought.is_kept(fastest):
-        sought.require_rides(fastest)
+        require_rides(fastest)
         least = sought.bound([Round(np.zeros(3), fastest)], [])
         return replace(fastest, gap=_above(fastest.period, least))
-    sought.require_priced(fastest)
-    prices = sought.first(fastest)
-    slopes = np.eye(len(prices))
+    require_priced(fastest)
     near, best, gaps = sought.slowed(fastest) or fastest, None, list[float]()
+    prices, shortest = sought.first(fastest), None
+    if cycle.period is not None and not sought.is_kept(fastest):
+        free = cycle.model_copy(update={"period": None})
+        shortest = if_possible(NO_PLAN, plan_cycle, free, tolerance=tolerance, progress=progress)
+    if shortest is not None:
+        require_long_enough(cycle, shortest, shortest.gap)
+        sought, prices = sought.near_least(fastest, shortest)
+        near = sought.in_period(shortest)
+        best = sought.slowed(near)
+    slopes = np.eye(len(prices))
     afresh = True
     for number in range(2, _MOST_ROUNDS + 1):
         rounds.append(
@@ -85,7 +100,10 @@ def plan_cycle(
         gap = _above(sought.value(best), bound) if best else inf
         tell(f"round {number}: {found.in_words}" + ("" if kept is None else f"; {kept.in_words}"))
         is_elsewhere = afresh and (not gaps or gap > gaps[-1] / _LESS)
-        gaps = [gap] if is_elsewhere else [*gaps, gap]
+        if is_elsewhere:
+            gaps = [gap]
+        elif kept is not None or cycle.period is not None:
+            gaps.append(gap)  # legs that end moving leap about their limits, which tells nothing
         waits = cycle.period is None and best is not None and best.dwells != cycle.least_dwells
         patience = 2 * _PATIENCE if waits else _PATIENCE
         done = gap <= tolerance or (len(gaps) > patience and gap > _LESS * gaps[-1 - patience])
@@ -104,15 +122,17 @@ def plan_cycle(
         if not done:
             prices = sought.next(prices, excess, slopes)
     if best is None:
-        raise Infeasible(sought.why_not(found))
+        if shortest is not None:
+            require_long_enough(cycle, shortest, 0.0)
+        raise too_hot(found, sought.limits)
     if gap > tolerance:
         spread = sought.spread(best)
         if spread and sought.value(spread) < sought.value(best):
             best, bound = spread, sought.bound(rounds, [*tried, spread])
             gap = _above(sought.value(best), bound)
             tell(f"legs that fill the period: {spread.in_words}")
-    sought.require_rides(best)
-    saved = sought.gained(rounds[-1].prices)
+    require_rides(best)
+    saved = sought.gained(rounds[-1].prices, best)
     return replace(best, gap=max(0.0, gap), prices=saved, rounds=number)
 
 

@@ -15,7 +15,6 @@ from deltaopt.errors import (
     RULED_OUT,
     Infeasible,
     NotConverged,
-    SceneError,
     if_possible,
     inside,
 )
@@ -24,18 +23,19 @@ from deltaopt.motion.running_cost import squared_torques
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.cycles.prices import next_prices
-from deltaopt.planning.first_motions.around_bodies import is_clear
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import Planner
-from deltaopt.problem.boundary import REST
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.cycle import Cycle
-from deltaopt.scene.feasibility import require_ride
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import Effort, Objective, TimeAndEfforts
 
-_LEGS_SHARE = 0.5
-"""Of the tolerance: the gap of each leg. The rest is for prices that are not quite right."""
+_LEGS_SHARE, _LEGS_NEAR_LEAST = 0.5, 0.05
+"""Of the tolerance: the gap of each leg. The rest is for prices that are not quite right. Near the
+least period a leg's gap is one of the period, for which much heat is paid."""
+_STEEPER = 10.0
+"""How many times as much heat a second of the period is taken to save near the least one as where
+slower motions have the same shape."""
 SPARED = 0.2
 """Of the tolerance: by what share less is aimed at, about, of squared torques where legs that end
 moving cannot be slowed until the limits are kept, and of a given period, which legs that take
@@ -62,8 +62,6 @@ or a given period is left; and how many factors are tried."""
 _NOTHING = 1e-9
 """N²m²: by how much motors cool at least in a second, so that waits in which they do not, which are
 no answer, are numbers."""
-_APART = 1e-3
-"""How far apart places along a dwell on a belt are at most at which limits are looked at, m."""
 
 
 @dataclass(frozen=True)
@@ -79,11 +77,14 @@ class PricedLegs:
     """What is sought: the least period, or the least heat in a given one.
 
     Prices are those of the motors, λ (3,), and before them that of time in a given period, heat a
-    second: (4,).
+    second: (4,). Near the least period all of these grow beyond bounds. There the period has the
+    price 1 instead, and before the motors' prices is that of heat, with which the fourth power of
+    the duration grows about linearly from its least.
     """
 
     cycle: Cycle
     tolerance: float
+    is_near_least: bool = False
 
     @cached_property
     def limits(self) -> Array:
@@ -104,13 +105,22 @@ class PricedLegs:
         """How long the robot waits at least in a period, s."""
         return sum(self.cycle.least_dwells)
 
+    @property
+    def is_time_priced(self) -> bool:
+        """Whether time has a price of its own, and not the period the price 1."""
+        return self.cycle.period is not None and not self.is_near_least
+
     def time(self, prices: Array) -> float:
         """The price of time."""
-        return float(1 - prices.sum() if self.cycle.period is None else prices[0])
+        return float(prices[0] if self.is_time_priced else 1 - prices[-3:].sum())
+
+    def of_heat(self, prices: Array) -> float:
+        """The price of heat."""
+        return float(prices[0]) if self.is_near_least else 1.0
 
     def motors(self, prices: Array) -> Array:
         """The prices of each motor's squared torque, (3,), 1/(N²m²)."""
-        return self.heat + prices[-3:] / self.limits
+        return self.of_heat(prices) * self.heat + prices[-3:] / self.limits
 
     def objective(self, prices: Array) -> Objective:
         """That of each leg."""
@@ -122,7 +132,8 @@ class PricedLegs:
         """All legs, for one of the objectives each, from the motions of another round, and
         ``afresh`` from first motions of their own too, for those may be near a better optimum."""
         cycle, begins, start = self.cycle, 0.0, self.cycle.legs[0].start
-        tolerance, legs, dwells = _LEGS_SHARE * self.tolerance, list[Plan](), cycle.least_dwells
+        share = _LEGS_NEAR_LEAST if self.is_near_least else _LEGS_SHARE
+        tolerance, legs, dwells = share * self.tolerance, list[Plan](), cycle.least_dwells
         for index, (dwell, objective) in enumerate(zip(dwells, objectives, strict=False)):
             scene = cycle.leg(index, begins, start).model_copy(update={"objective": objective})
             planner = Planner(scene.robot, tolerance=tolerance)
@@ -142,6 +153,10 @@ class PricedLegs:
         found = CyclePlan(cycle, tuple(legs), dwells, tolerance=self.tolerance)
         return found if cycle.period is None else self._with_waits(found)
 
+    def in_period(self, least: CyclePlan) -> CyclePlan:
+        """The cycle of least period, which waits for what is left of the given one."""
+        return self._with_waits(replace(least, cycle=self.cycle))
+
     def excess(self, found: CyclePlan, spared: float = SPARED) -> Array:
         """How far what has a price is above what is aimed at, in the order of the prices: in the
         powers that fall in proportion to prices where slower motions have the same shape.
@@ -152,7 +167,8 @@ class PricedLegs:
             used = used * larger
         if self.cycle.period is not None:
             allowed = self.cycle.period - self.dwelt
-            used = np.append(((found.at_work - self.dwelt) / allowed) ** 4 * larger, used)
+            taken = ((found.at_work - self.dwelt) / allowed) ** 4 * larger
+            used = np.append(1 / taken if self.is_near_least else taken, used)
         return np.asarray(1 - 1 / np.maximum(used, _LEAST_USED))
 
     def is_kept(self, found: CyclePlan) -> bool:
@@ -285,7 +301,8 @@ class PricedLegs:
         total = least + time * self.dwelt + float(motors @ in_dwells)
         if self.cycle.period is None:
             return total
-        return total - float(at.prices.sum()) * self.cycle.period
+        of_period = float(at.prices.sum()) if self.is_time_priced else 1.0
+        return (total - of_period * self.cycle.period) / self.of_heat(at.prices)
 
     def first(self, fastest: CyclePlan) -> Array:
         """First prices, and derivatives of what is in excess by them, from the fastest legs, as if
@@ -300,24 +317,36 @@ class PricedLegs:
         time = 3 * float(self.heat @ fastest.squares) / (at_work * slower**4)
         return np.array([time, 0.0, 0.0, 0.0])
 
+    def near_least(self, fastest: CyclePlan, least: CyclePlan) -> tuple[PricedLegs, Array]:
+        """What is sought near the least period, and first prices, those of the least period."""
+        heat = 1 / (_STEEPER * self.first(fastest)[0])
+        return replace(self, is_near_least=True), np.append(heat, np.array(least.prices) / 2)
+
     def slopes(self, at: Round) -> Array:
         """A first guess of how the excess changes with the prices, from a round: where prices
         change the speed of all legs alike, and the shape of torques as far as motors replace each
         other."""
-        found, prices, rated = at.found, at.prices, self.motors(at.prices) * self.limits
+        given, found, prices = self.cycle.period is not None, at.found, at.prices
+        rated = self.motors(prices) * self.limits
         own = np.maximum(rated, _LEAST_SHARE * rated.sum())
         paid = rated * found.squares_of_legs.sum(axis=0) / self.limits
         slower = paid / paid.sum() / own  # four times the derivatives of ln T
         replaced = _REPLACED * (np.diag(1 / own) - slower)
         used = np.maximum(found.squares / (self.limits * found.period), _LEAST_USED)
-        if self.cycle.period is None:
-            slower = (slower + 1 / self.time(prices)) / 4
-            longer = 3 + float(found.durations.sum()) / found.period
-            return np.asarray(4 / 3 * used[:, None] ** (-4 / 3) * (-longer * slower - replaced))
-        slower = np.append(-1 / prices[0], slower) / 4
-        replaced = np.hstack([np.zeros((3, 1)), replaced])
-        powers = 4 / 3 * used[:, None] ** (-4 / 3) * (-3 * slower - replaced)
-        return np.vstack([4 * (1 - self.excess(found)[0]) * slower, powers])
+        longer = 0.0 if given else float(found.durations.sum()) / found.period
+        # Derivatives of the motors' prices, and of the logarithm of that of time.
+        dearer, of_time = np.eye(3), np.full(3, -1 / self.time(prices))
+        if given:
+            dearer = np.insert(dearer, 0, float(self.is_near_least), axis=1)
+            of_time = np.insert(of_time, 0, 0.0)
+        if self.is_time_priced:
+            of_time = np.array([1 / prices[0], 0.0, 0.0, 0.0])
+        slower = (slower @ dearer - of_time) / 4
+        powers = 4 / 3 * used[:, None] ** (-4 / 3) * (-(3 + longer) * slower - replaced @ dearer)
+        if not given:
+            return np.asarray(powers)
+        sign = -1.0 if self.is_near_least else 1.0
+        return np.vstack([4 * sign * (1 - self.excess(found)[0]) * slower, powers])
 
     def next(self, prices: Array, excess: Array, slopes: Array) -> Array:
         """The prices of the next round."""
@@ -327,44 +356,11 @@ class PricedLegs:
             return found
         return np.asarray(prices + (found - prices) * ((1 - _LEFT) / (1 - left)))
 
-    def gained(self, prices: Array) -> Vector3:
-        """By what share the period falls for each of a motor's RMS torque more; of the heat in a
-        given period."""
-        return vector3(2 * prices[-3:])
-
-    def require_priced(self, fastest: CyclePlan) -> None:
-        """Raise where the fastest legs take longer than a given period, or nothing but their speed
-        could be changed."""
-        period = self.cycle.period
-        if period is not None and fastest.at_work > period:
-            raise Infeasible(
-                f"period is {period:g} s, but the fastest legs that were found and the dwells take "
-                f"{fastest.at_work:.6g} s"
-            )
-        for index, scene in enumerate(self.cycle.legs):
-            if scene.follows_path:
-                expected = "a tube beside it, for motors would run too hot at full speed"
-                raise SceneError(None, f"cycle[{index}].path", str(scene.path), expected)
-
-    def require_rides(self, found: CyclePlan) -> None:
-        """Raise what rules it out that the robot moves along with belts while it dwells."""
-        for index, (leg, wait) in enumerate(zip(found.legs, found.waits, strict=True)):
-            velocity = self.cycle.velocity_after(index)
-            if wait is not None and velocity != REST:
-                name, way = f"the dwell after leg {index + 1}", np.linalg.norm(velocity)
-                instants = np.linspace(0.0, wait.duration, 2 + int(way * wait.duration / _APART))
-                require_ride(leg.scene, name, wait.position.at(instants), velocity)
-                if not is_clear(leg.scene, wait):
-                    raise Infeasible(f"{name}: the tool is not clear of all bodies at all instants")
-
-    def why_not(self, found: CyclePlan) -> str:
-        """Why no cycle was found that keeps all limits, from the last round."""
-        allowed = ", ".join(f"{each:.4g}" for each in np.sqrt(self.limits))
-        return (
-            "no speed and no wait were found with which motors keep their limits of RMS torque, "
-            f"{allowed} N·m: the last that was tried took {found.in_words}; arms at rest are held "
-            "by torques too"
-        )
+    def gained(self, prices: Array, found: CyclePlan) -> Vector3:
+        """By what share the period falls for each of a motor's RMS torque more; or the heat in a
+        given period, over limits as they are."""
+        shares = prices[-3:] / self.of_heat(prices)
+        return vector3(2 * shares * (found.period / self.value(found)))
 
 
 @contextmanager
