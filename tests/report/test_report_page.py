@@ -223,8 +223,8 @@ BODIES = [
 NARROW = load_scene(PROBLEMS / "via" / "within.yaml").model_copy(update={"keep_out": BODIES})
 
 
-OVER = TakenWay("above keep_out[0]", 0.1234567, True)
-UNDER = TakenWay("below keep_out[0]", 0.2, False)
+OVER = ("above keep_out[0]", 0.1234567, True)
+UNDER = ("below keep_out[0]", 0.2, False)
 OPTIMUM = Optimum(0.1, 0.1, (0.45, 0.0, 0.0), 1e-4, 1)
 
 
@@ -234,13 +234,14 @@ OPTIMUM = Optimum(0.1, 0.1, (0.45, 0.0, 0.0), 1e-4, 1)
         ((), (), "Motions that lead another way were not compared."),
         ((OVER, UNDER, UNDER), (), "It was compared with 2 other ways past the bodies."),
         ((OVER,), (), "No other way past the bodies was found."),
-        ((TakenWay(CLEAR, 0.1, True),), (), "It keeps clear of all bodies without a detour."),
+        (((CLEAR, 0.1, True),), (), "It keeps clear of all bodies without a detour."),
         ((), (OPTIMUM, OPTIMUM), "It was compared with one other local optimum."),
     ],
 )
 def test_it_says_with_what_it_was_compared(planned, ways, optima, says):
     found, verification = planned
-    found = replace(found, ways=ways, optima=optima)
+    taken = tuple(TakenWay(*way, found.trajectory) for way in ways)
+    found = replace(found, ways=taken, optima=optima)
     text = str(Text(report(Facts(found, verification))))
     assert says in text
     assert ("not compared" in text) == ("not compared" in says)
