@@ -67,9 +67,9 @@ def design(
     """The best design of a file.
 
     ``derivatives``: whether those of plans are used, where each change is of one number, or the
-    optimiser does without. ``tolerance``:
-    of plans. ``progress``: is called with a line of text for each choice of rows. Raises SceneError
-    for a file that cannot be used, Infeasible where no design is found, and MissingPackage.
+    optimiser does without. ``tolerance``: of plans. ``progress``: is called with a line of text for
+    each choice of rows. Raises SceneError for a file that cannot be used, Infeasible where no
+    design is found, and MissingPackage.
 
     Examples:
         >>> best = deltaopt.design("problems/design/gear.yaml").best

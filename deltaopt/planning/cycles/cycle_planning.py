@@ -65,9 +65,15 @@ def plan_cycle(
     require_type("cycle", cycle, Cycle, "a Cycle, such as load_cycle returns")
     require_positive("tolerance", tolerance, *TOLERANCES)
     sought, tell = PricedLegs(cycle, tolerance), progress or (lambda _: None)
-    rounds, tried = list[Round](), list[CyclePlan]()
     fastest = sought.planned(repeat(Time()), None)
     tell(f"legs as fast as possible: {fastest.in_words}")
+    return _planned(sought, fastest, tell)
+
+
+def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePlan:
+    """The cycle that is sought, from the legs that are as fast as possible."""
+    cycle, tolerance = sought.cycle, sought.tolerance
+    rounds, tried = list[Round](), list[CyclePlan]()
     if cycle.period is None and sought.is_kept(fastest):
         require_rides(fastest)
         least = sought.bound([Round(np.zeros(3), fastest)], [])
@@ -76,8 +82,8 @@ def plan_cycle(
     near, best, gaps = sought.slowed(fastest) or fastest, None, list[float]()
     prices, shortest = sought.first(fastest), None
     if cycle.period is not None and not sought.is_kept(fastest):
-        free = cycle.model_copy(update={"period": None})
-        shortest = if_possible(NO_PLAN, plan_cycle, free, tolerance=tolerance, progress=progress)
+        free = PricedLegs(cycle.model_copy(update={"period": None}), tolerance)
+        shortest = if_possible(NO_PLAN, _planned, free, free.without_waits(fastest), tell)
     if shortest is not None:
         require_long_enough(cycle, shortest, shortest.gap)
         sought, prices = sought.near_least(fastest, shortest)

@@ -153,6 +153,10 @@ class PricedLegs:
         found = CyclePlan(cycle, tuple(legs), dwells, tolerance=self.tolerance)
         return found if cycle.period is None else self._with_waits(found)
 
+    def without_waits(self, found: CyclePlan) -> CyclePlan:
+        """A cycle of the same legs, however long its period, with the least dwells."""
+        return replace(found, cycle=self.cycle, dwells=self.cycle.least_dwells)
+
     def in_period(self, least: CyclePlan) -> CyclePlan:
         """The cycle of least period, which waits for what is left of the given one."""
         return self._with_waits(replace(least, cycle=self.cycle))

@@ -29,6 +29,7 @@ from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
 
+_NAME = "motions past the bodies from rest to rest"
 _PROMISING = 1.2
 """How much slower than the best way of a leg another one may be."""
 _ALONE = dict.fromkeys(("via", "approach", "rotation")) | {"objective": Time()}
@@ -85,7 +86,7 @@ def ways_in_legs(scene: Scene, planned: Legs) -> list[Proposal]:
             )
             found += [reduce(Trajectory.then, [*best[:k], each, *best[k + 1 :]]) for each in others]
     found.sort(key=lambda motion: motion.duration)
-    return [Proposal("motions past the bodies from rest to rest", motion) for motion in found]
+    return [Proposal(_NAME, motion) for motion in found]
 
 
 def proposed_in_legs(scene: Scene, planned: Legs, slower: float) -> Iterator[Proposal]:
@@ -97,7 +98,7 @@ def proposed_in_legs(scene: Scene, planned: Legs, slower: float) -> Iterator[Pro
             for leg in legs
         ]
         joined = reduce(Trajectory.then, parts)
-        yield Proposal("motions past the bodies from rest to rest", joined, len(parts))
+        yield Proposal(_NAME, joined, len(parts))
 
 
 def _in_legs(scene: Scene, planned: Legs) -> Iterator[list[Plan]]:
