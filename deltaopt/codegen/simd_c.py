@@ -1,44 +1,24 @@
 """SIMD C: CasADi's scalar functions as C source, for four points at once.
 
 The C type ``V`` of the source is a vector of four doubles (a vector extension of GCC and Clang)
-whose lanes are four points: a processor with AVX evaluates four points in the time of one.
+whose lanes are four points: a processor with AVX evaluates four points in the time of one. Its
+functions are in ``four_points.c``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from importlib.resources import files
 from typing import NamedTuple
 
 import casadi as ca
 
-from deltaopt.codegen.vector_math import VECTOR_MATH
 from deltaopt.errors import DeltaOptError
 
 LANES = 4
 
-VECTOR = (
-    """\
-#include <math.h>
-typedef double V __attribute__((vector_size(32)));
-static inline V all_lanes(double a) { return (V){a, a, a, a}; }
-/* As fmax and fmin of the C library, without a call in the midst of vectors. */
-static inline double FMAX(double a, double b) { return a > b || b != b ? a : b; }
-static inline double FMIN(double a, double b) { return a < b || b != b ? a : b; }
-#define EACH(f, a) ((V){f((a)[0]), f((a)[1]), f((a)[2]), f((a)[3])})
-#define EACH2(f, a, b) \\
-  ((V){f((a)[0], (b)[0]), f((a)[1], (b)[1]), f((a)[2], (b)[2]), f((a)[3], (b)[3])})
-#define ALL(a) all_lanes(a)
-#ifdef __clang__
-#define SHUFFLE(a, b, i, j, k, l) __builtin_shufflevector(a, b, i, j, k, l)
-#else
-typedef long long LANES __attribute__((vector_size(32)));
-#define SHUFFLE(a, b, i, j, k, l) __builtin_shuffle(a, b, (LANES){i, j, k, l})
-#endif
-"""
-    + VECTOR_MATH
-)
-"""C definitions with which the type V is four points. The compiler makes one instruction of
-EACH(sqrt, …)."""
+VECTOR = (files("deltaopt.codegen") / "four_points.c").read_text()
+"""C definitions with which the type V is four points."""
 
 _C = {
     ca.OP_ASSIGN: "{0}",

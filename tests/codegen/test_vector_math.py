@@ -13,7 +13,7 @@ from deltaopt.codegen.vectorised import RowFunction
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
 ULPS = 2.0
-"""What ``vector_math`` promises, in units of the last place."""
+"""What ``four_points.c`` promises, in units of the last place."""
 FUNCTIONS = {
     "sin": (ca.sin, mpmath.sin, 30.0),
     "cos": (ca.cos, mpmath.cos, 30.0),

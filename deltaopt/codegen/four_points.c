@@ -1,14 +1,26 @@
-"""Sine, cosine, arc functions and the hyperbolic tangent of four lanes at once, as C source.
+/* Four points at once: the type V, and functions of it that CasADi's operations become.
 
-The C library has them for one number at a time, which costs ten times as much. These are the
-rational approximations of Moshier's Cephes library, without branches: intervals are chosen by
-masks. Results differ from exact ones by at most two units in the last place for arguments that
-mechanisms have (``tests/codegen/test_vector_math.py``), and are NaN where the C library's are.
-"""
-
-from __future__ import annotations
-
-VECTOR_MATH = """\
+   The C library has sine, cosine, arc functions and the hyperbolic tangent for one number at a time,
+   which costs ten times as much. These are the rational approximations of Moshier's Cephes library,
+   without branches: intervals are chosen by masks. Results differ from exact ones by at most two
+   units in the last place for arguments that mechanisms have (tests/codegen/test_vector_math.py),
+   and are NaN where the C library's are. The compiler makes one instruction of EACH(sqrt, ...). */
+#include <math.h>
+typedef double V __attribute__((vector_size(32)));
+static inline V all_lanes(double a) { return (V){a, a, a, a}; }
+/* As fmax and fmin of the C library, without a call in the midst of vectors. */
+static inline double FMAX(double a, double b) { return a > b || b != b ? a : b; }
+static inline double FMIN(double a, double b) { return a < b || b != b ? a : b; }
+#define EACH(f, a) ((V){f((a)[0]), f((a)[1]), f((a)[2]), f((a)[3])})
+#define EACH2(f, a, b) \
+  ((V){f((a)[0], (b)[0]), f((a)[1], (b)[1]), f((a)[2], (b)[2]), f((a)[3], (b)[3])})
+#define ALL(a) all_lanes(a)
+#ifdef __clang__
+#define SHUFFLE(a, b, i, j, k, l) __builtin_shufflevector(a, b, i, j, k, l)
+#else
+typedef long long LANES __attribute__((vector_size(32)));
+#define SHUFFLE(a, b, i, j, k, l) __builtin_shuffle(a, b, (LANES){i, j, k, l})
+#endif
 typedef long long Bits __attribute__((vector_size(32)));
 static inline V either(Bits mask, V a, V b) {
   return (V)((mask & (Bits)a) | (~mask & (Bits)b));
@@ -99,6 +111,3 @@ static V hyperbolic_tangent(V a) {
 #define LESS(a, b) either((Bits)((a) < (b)), ALL(1.0), ALL(0.0))
 #define NOT(a) either((Bits)((a) == 0), ALL(1.0), ALL(0.0))
 #define WHERE(a, b) either((Bits)((a) != 0), b, ALL(0.0))
-"""
-"""C definitions of functions of the type V of four lanes, to follow ``simd_c.VECTOR``'s first
-ones."""
