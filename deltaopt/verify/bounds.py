@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf
 
-from deltaopt.verify.measures import Known
-
 EXCESS = 1e-9
 """Of every limit, as a share of it: above rounding of inverse dynamics, below any meaning of a
 limit."""
@@ -105,13 +103,11 @@ class Check:
 
 @dataclass(frozen=True)
 class Bound:
-    """The most a measure may be, what to say of a value that is more, and what is ``known`` of the
-    measure between samples."""
+    """The most a measure may be, and what to say of a value that is more."""
 
     measure: str
     tolerance: Tolerance
     complaint: str
-    known: Known = Known.EXACT
 
     def check(self, value: float, sizes: Sizes) -> Check:
         """A value of the measure beside the most that it may be in a motion of these sizes."""
@@ -125,24 +121,13 @@ BOUNDS = (
         "robot_overlap",
         _OVERLAP,
         "an arm or a forearm is up to {:.3g} m too near to a keep-out body, or inside",
-        Known.SURE,
     ),
     Bound("rotation_left", _DURATION, "it ends {:.3g} s before the fourth axis has turned"),
     Bound("start_distance", _PLACE, "it begins {:.3g} m from the scene's start"),
     Bound("goal_distance", _PLACE, "it ends {:.3g} m from the scene's goal"),
-    Bound("path_distance", _PLACE, "it is up to {:.3g} m off the scene's path", Known.SURE),
-    Bound(
-        "via_distance",
-        _PLACE,
-        "it misses a via point by {:.3g} m, or passes it out of turn",
-        Known.SURE,
-    ),
-    Bound(
-        "approach_distance",
-        _PLACE,
-        "it is up to {:.3g} m outside the scene's approach",
-        Known.SURE,
-    ),
+    Bound("path_distance", _PLACE, "it is up to {:.3g} m off the scene's path"),
+    Bound("via_distance", _PLACE, "it misses a via point by {:.3g} m, or passes it out of turn"),
+    Bound("approach_distance", _PLACE, "it is up to {:.3g} m outside the scene's approach"),
     Bound("start_speed", _SPEED, "it begins with a velocity {:.3g} m/s off the scene's"),
     Bound("goal_speed", _SPEED, "it ends with a velocity {:.3g} m/s off the scene's"),
     Bound(
@@ -171,26 +156,22 @@ BOUNDS = (
         _LOOPS,
         "its coordinates leave the loops open by {:.3g} (of the upper arm and of the mean speed, "
         "on average)",
-        Known.SAMPLED,
     ),
     Bound(
         "dynamic_error",
         Tolerance("1", DYNAMIC_ERROR),
         "its torques give accelerations that differ by {:.3g} from its own (in units of the robot "
         "and the motion, on average)",
-        Known.SAMPLED,
     ),
     Bound(
         "defect_distance",
         _PIECE_DISTANCE,
         "its torques lead {:.3g} m off its path within a piece of it",
-        Known.FOLLOWED,
     ),
     Bound(
         "defect_speed",
         _PIECE_SPEED,
         "its torques give a speed {:.3g} m/s off its own within a piece of it",
-        Known.FOLLOWED,
     ),
 )
 """Of everything but limits, whose excesses are measures of their own, each at most ``EXCESS``."""
@@ -200,13 +181,11 @@ ARRIVAL_BOUNDS = (
         "arrival_distance",
         _ARRIVAL_DISTANCE,
         "its torques bring the platform to {:.3g} m from the goal",
-        Known.FOLLOWED,
     ),
     Bound(
         "arrival_speed",
         _ARRIVAL_SPEED,
         "its torques leave the platform with a velocity {:.3g} m/s off the goal's",
-        Known.FOLLOWED,
     ),
 )
 """Of the arrival, unless a motion is so long that rounding decides where it ends."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from functools import cached_property, lru_cache, partial
 from math import inf
 
@@ -47,22 +46,6 @@ _SLOWEST = 1e-6
 Items = tuple[tuple[Limit, int], ...]
 
 
-class Known(StrEnum):
-    """What a measure knows of the motion between the places at which it is evaluated."""
-
-    EXACT = "exact"
-    """It depends on the ends or the knots alone."""
-    SURE = "sure"
-    """An inequality holds it at all instants, or the place that it names is a proof."""
-    RESOLVED = "resolved"
-    """Polynomials through samples stand for it, on cells halved until they agree with it. Samples
-    are at least twice as many as determine each piece of the motion."""
-    FOLLOWED = "followed"
-    """By an integrator that chooses its own steps."""
-    SAMPLED = "sampled"
-    """At fixed places, and nothing is known between them."""
-
-
 @dataclass(frozen=True)
 class Excess:
     """Where a motion is furthest beyond a limit, or nearest to it.
@@ -70,7 +53,7 @@ class Excess:
     ``limit`` and ``unit`` are the limit's. ``subject``: what it is a limit of, "motor 2". ``t``: s,
     from the motion's first knot. ``value``: by how much the limit is exceeded, as a share of its
     natural size; negative within it. ``amount``: the same in its unit. ``falls_below``: whether
-    a lower bound is meant that is not the mirror image of an upper one. ``known``: between samples.
+    a lower bound is meant that is not the mirror image of an upper one.
     """
 
     limit: str
@@ -80,7 +63,6 @@ class Excess:
     value: float = inf
     amount: float = inf
     falls_below: bool = False
-    known: Known = Known.RESOLVED
 
     @property
     def key(self) -> str:
@@ -309,11 +291,11 @@ def not_measured(scene: Scene) -> dict[str, Excess]:
 
 
 def excess_of(scene: Scene, measure: OwnMeasure) -> Excess | None:
-    """Of the limit that a measure of its own is for: infinite, and to be known at all instants.
-    None where the scene has no such limit."""
+    """Of the limit that a measure of its own is for: infinite. None where the scene has no such
+    limit."""
     limits = limits_of(scene).constraints.limits
     own = (each for each in limits if each.own_measure is measure)
-    return next((Excess(e.name, e.unit, e.subject, known=Known.SURE) for e in own), None)
+    return next((Excess(e.name, e.unit, e.subject) for e in own), None)
 
 
 @lru_cache(maxsize=32)
