@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from textwrap import fill
-from typing import Any
 from warnings import catch_warnings, filterwarnings
 
 import matplotlib as mpl
@@ -40,31 +39,7 @@ _LEAD = 0.03
 """Of a panel's width, from the end of a line to a name that is moved away from it."""
 _SHADES = 128
 """Colours of a PNG: enough for smooth edges, at a third of the size of all colours."""
-_STYLE: Any = {
-    "font.family": ["DejaVu Sans"],
-    "mathtext.fontset": "dejavusans",
-    "font.size": 8,
-    "axes.titlesize": 8,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "figure.titleweight": "bold",
-    "axes.linewidth": 0.6,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.unicode_minus": True,
-    "axes.formatter.min_exponent": 3,
-    "grid.color": "0.9",
-    "grid.linewidth": 0.5,
-    "xtick.direction": "in",
-    "ytick.direction": "in",
-    "lines.linewidth": 1.3,
-    "legend.frameon": False,
-    "legend.handlelength": 2.8,
-    "pdf.fonttype": 42,
-    "svg.fonttype": "none",
-}
-
-
+_STYLE = Path(__file__).with_name("charts.mplstyle")
 _DRAWING = threading.RLock()
 """One thread draws at a time: Matplotlib's style and its text belong to the whole process."""
 
@@ -78,7 +53,7 @@ def figure(file: Path, width: float, height: float, message: str = "") -> Iterat
     The format follows the file's suffix: png, pdf or svg. If an error is raised in between, the
     file stays as it was.
     """
-    with _DRAWING, mpl.rc_context(_STYLE), atomic_write(file) as temporary:
+    with _DRAWING, mpl.rc_context(fname=_STYLE), atomic_write(file) as temporary:
         drawn = Figure(figsize=(width, height), dpi=_DOTS, layout="constrained")
         if message:
             title = fill(_UNIT.sub("\N{NO-BREAK SPACE}", verbatim(message)), int(_LETTERS * width))
