@@ -10,7 +10,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deltaopt.codegen.compile import library
 from deltaopt.codegen.simd_c import LANES, VECTOR, c_function
@@ -19,10 +19,6 @@ from deltaopt.settings import holds_numbers
 
 Checked = tuple[tuple[Array, ...], Truths | None]
 """Results, and at which points a guard fails, (N,); None for nowhere."""
-
-_FEW = 64
-"""Points up to which arguments are copied to memory whose address is known. To copy a point takes
-some 10 ns, to ask numpy for the address of an array 700 ns, for each argument and result."""
 
 
 @dataclass(frozen=True)
@@ -56,46 +52,20 @@ class RowFunction:
 
     def with_failures(self, *arguments: ArrayLike, parameters: Array) -> Checked:
         """The results, and at which points a guard is negative or NaN."""
-        shapes, rows = _shapes_of_floats(arguments), list[Any](arguments)
-        if None in shapes:
-            rows = [_numbers(a) for a in arguments]
-            shapes = [r.shape for r in rows]
+        rows = [_numbers(a) for a in arguments]
+        shapes = [r.shape for r in rows]
         number = _number(shapes, self._single)
         if self._code is None:
             return self._interpreted(rows, parameters)
-        if number > _FEW:
-            return self._many(rows, number, parameters)
-        which = 0 if shapes == self._single else slice(number)
-        return self._few(rows, number, which, parameters)
-
-    def _few(
-        self, rows: list[Array], number: int, which: int | slice, parameters: Array
-    ) -> Checked:
-        """At a few points, the first of a memory: ``which``, the first alone if it is single."""
-        memory = self._memory()
-        for own, given in zip(memory.inputs, rows, strict=False):
-            own[which] = given
-        memory.parameters[...] = parameters
-        memory.description[0] = number
-        failures = self._code(memory.address)
-        results = tuple([r[which].copy() for r in memory.results])
-        failed = memory.failed[:number].copy() if failures else None
-        self._unused.append(memory)
-        return results, failed
-
-    def _memory(self) -> _Memory:
-        try:
-            return self._unused.pop()
-        except IndexError:
-            return _Memory(self)
-
-    def _many(self, rows: list[Array], number: int, parameters: Array) -> Checked:
         rows = [np.ascontiguousarray(r) for r in rows]
-        results = [np.empty((number, size)) for size in self._sizes]
+        lengths = () if shapes == self._single else (number,)
+        results = [np.empty((*lengths, size)) for size in self._sizes]
         parameters, failed = np.ascontiguousarray(parameters), np.empty(number, dtype=bool)
         strides = [r.shape[1] if r.ndim == 2 else 0 for r in rows]
-        description = _description(number, strides, [*rows, parameters, *results, failed])
-        failures = self._code(ctypes.addressof(description))
+        arrays = [*rows, parameters, *results, failed]
+        numbers = [number, *strides, *[array.ctypes.data for array in arrays]]
+        call = (ctypes.c_int64 * len(numbers))(*numbers)
+        failures = self._code(ctypes.addressof(call))
         return tuple(results), failed if failures else None
 
     def _interpreted(self, rows: list[Array], parameters: Array) -> Checked:
@@ -130,14 +100,6 @@ class RowFunction:
         )
 
     @cached_property
-    def _unused(self) -> list[_Memory]:
-        """Memory that no call is using now: as many as there were calls at the same time.
-
-        A call takes its memory out of this list, so that no other thread can have it.
-        """
-        return []
-
-    @cached_property
     def _code(self) -> Any:
         """The compiled function of one address; None without a compiler."""
         if not self.function.is_a("SXFunction"):
@@ -153,33 +115,6 @@ class RowFunction:
 def dense_function(name: str, inputs: list[ca.SX], results: list[ca.SX]) -> ca.Function:
     """A function whose results have no structural zeros, and that finds once what they share."""
     return ca.Function(name, inputs, [ca.densify(each) for each in results], {"cse": True})
-
-
-class _Memory:
-    """Arguments and results of a few points, and the address of what tells the compiled function of
-    these."""
-
-    def __init__(self, function: RowFunction) -> None:
-        sizes = [size for (size,) in function._single]
-        self.inputs = [np.empty((_FEW, size)) for size in sizes]
-        self.parameters = np.empty(function.times * function.function.size1_in(len(sizes)))
-        self.results = [np.empty((_FEW, size)) for size in function._sizes]
-        self.failed = np.empty(_FEW, dtype=bool)
-        arrays = [*self.inputs, self.parameters, *self.results, self.failed]
-        self.description = _description(0, sizes, arrays)
-        self.address = ctypes.addressof(self.description)
-
-
-def _shapes_of_floats(arguments: Sequence[ArrayLike]) -> list[tuple[int, ...] | None]:
-    """The shapes of plain arrays of floats; None for everything else."""
-    return [a.shape if type(a) is np.ndarray and a.dtype == float else None for a in arguments]
-
-
-def _description(number: int, strides: Sequence[int], arrays: Sequence[NDArray[Any]]) -> Any:
-    """What the compiled function reads: N, the strides of the arguments, then addresses, of these,
-    of parameters, results and failures."""
-    numbers = [number, *strides, *[array.ctypes.data for array in arrays]]
-    return (ctypes.c_int64 * len(numbers))(*numbers)
 
 
 def _number(shapes: Sequence[Any], single: list[tuple[int, ...]]) -> int:
