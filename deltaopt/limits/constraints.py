@@ -308,14 +308,6 @@ class Constraints:
                 yield Alike(which, numbers, own, row, measure)
             first += size
 
-    @cached_property
-    def edge_radii(self) -> ca.Function:
-        """Numbers of all items -> least radii of curvature of their bounds, m."""
-        numbers = self.numbers()
-        items = self.with_numbers(numbers)
-        radii = [limit.edge_radii(own) for limit, own in items if isinstance(limit, ConvexLimit)]
-        return ca.Function("edge_radii", [numbers], [ca.vertcat(*radii)])
-
     def of_order(self, order: int) -> Index:
         """Indices of the rows of an order."""
         return np.asarray(np.flatnonzero(self.orders == order))

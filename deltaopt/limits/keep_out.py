@@ -105,32 +105,10 @@ class Distances(Limit):
 
 
 class _KeepOut(Distances, ConvexLimit):
-    """What both families of bodies share."""
+    """What both families of bodies share. Edges are those that the tool's point goes around."""
 
     name, unit, subject, order = "clearance", "m", "tool", 0
     own_measure = OwnMeasure.CLEARANCE
-
-    def edge_radii(self, numbers: SX) -> SX:
-        """Radii of the edges that the tool's point goes around at its bound, m."""
-        return ca.vertcat(*(self._edge(own) + own[_KEPT] for own in self._split(numbers)))
-
-    def _edge(self, own: SX) -> SX:
-        """Radius of the edges of one body, m."""
-        raise NotImplementedError
-
-    def faces(self, numbers: Array) -> list[list[Array]]:
-        return [self._faces(own) for own in numbers.reshape(-1, self._size(len(numbers)))]
-
-    def opened(self, numbers: Array, row: int, faces: Collection[int]) -> Array | None:
-        return self._opened(numbers.reshape(-1, self._size(len(numbers)))[row], faces)
-
-    def _faces(self, own: Array) -> list[Array]:
-        """The numbers of the faces of one body, from its own."""
-        raise NotImplementedError
-
-    def _opened(self, own: Array, faces: Collection[int]) -> Array | None:
-        """The numbers of one body as if it went on beyond some faces, from its own."""
-        return None
 
 
 class KeepOut(_KeepOut):
@@ -146,14 +124,14 @@ class KeepOut(_KeepOut):
         each = ((*numbers_of_solid(solid), *kept_from(scene, least)) for solid, least in filled)
         return [tuple(chain.from_iterable(each))]
 
-    def _edge(self, own: SX) -> SX:
+    def edge_radius(self, own: Array) -> float:
         first = own[HALF][0]
-        return own[RADIUS] + where(first > _HUGE, first)
+        return float(own[RADIUS] + (first if first > _HUGE else 0.0) + own[_KEPT])
 
     def _size(self, numbers: int) -> int:
         return OF_SOLID + OF_LIMIT
 
-    def _faces(self, own: Array) -> list[Array]:
+    def faces(self, own: Array) -> list[Array]:
         return [self._face(own, side) for side in _sides(own)]
 
     def _face(self, own: Array, side: _Side) -> Array:
@@ -166,7 +144,7 @@ class KeepOut(_KeepOut):
             face[HALF][2] = _SIDE
         return face
 
-    def _opened(self, own: Array, faces: Collection[int]) -> Array | None:
+    def opened(self, own: Array, faces: Collection[int]) -> Array | None:
         sides, wide = _sides(own), own.copy()
         for axis, sign in (sides[face] for face in faces):
             if not sign:
@@ -223,7 +201,7 @@ class KeepOutHull(_KeepOut):
     def _size(self, numbers: int) -> int:
         return numbers
 
-    def _faces(self, own: Array) -> list[Array]:
+    def faces(self, own: Array) -> list[Array]:
         corners = own[: 9 * self.triangles].reshape(self.triangles, 3, 3)
         found, planes = list[Array](), list[Array]()
         for a, b, c in corners:
@@ -241,8 +219,8 @@ class KeepOutHull(_KeepOut):
             found.append(face)
         return found
 
-    def _edge(self, own: SX) -> SX:
-        return own[9 * self.triangles]
+    def edge_radius(self, own: Array) -> float:
+        return float(own[9 * self.triangles] + own[_KEPT])
 
     def _distance(self, motion: Instant, own: SX) -> SX:
         x = motion.x

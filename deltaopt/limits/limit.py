@@ -249,21 +249,21 @@ class ConvexLimit(Limit):
     other's: it is derived and compiled once for all of them.
     """
 
-    def edge_radii(self, numbers: SX) -> SX:
-        """Least radii of curvature of the places that are at the bound, m, one for each row."""
+    def edge_radius(self, own: Array) -> float:
+        """Least radius of curvature of the places that are at the bound of a row, m, by its
+        numbers."""
         raise NotImplementedError
 
-    def faces(self, numbers: Array) -> Sequence[Sequence[Array]]:
-        """For each row the numbers of its faces: of convex bodies without edges, each of which
-        contains the whole body, so that what is clear of one of them is clear of the body. All that
-        is outside of the body is outside of one of them. The numbers of rows follow one another,
-        and are as many for each."""
+    def faces(self, own: Array) -> Sequence[Array]:
+        """The numbers of the faces of a row's body, from its own: of convex bodies without edges,
+        each of which contains the whole body, so that what is clear of one of them is clear of the
+        body. All that is outside of the body is outside of one of them."""
         raise NotImplementedError
 
-    def opened(self, numbers: Array, row: int, faces: Collection[int]) -> Array | None:
-        """The numbers of the body of a row as if it went on for ever beyond some of its faces, by
-        their indices: without their edges. None where no numbers describe that."""
-        raise NotImplementedError
+    def opened(self, own: Array, faces: Collection[int]) -> Array | None:
+        """The numbers of a row's body as if it went on for ever beyond some of its faces, by their
+        indices: without their edges. None where no numbers describe that."""
+        return None
 
 
 class PhasedLimit(Limit):

@@ -107,22 +107,22 @@ class SceneLimits:
     @cached_property
     def edge_radii(self) -> Array:
         """Of the rows of ``Constraints.convex`` the radii of the edges of their bounds, m."""
-        return np.array(self.constraints.edge_radii(self.numbers)).ravel()
+        return np.array([one.edge_radius(self.numbers[part]) for one, part in self._convex_rows])
 
     @cached_property
     def faces(self) -> tuple[tuple[Array, ...], ...]:
         """Of each row of ``Constraints.convex`` all numbers, with those of its body replaced by
         those of one of its faces, for every face, as of ``ConvexLimit.faces``."""
         return tuple(
-            tuple(self.with_part(part, face) for face in limit.faces(self.numbers[own])[row])
-            for limit, own, row, part in self._convex_rows
+            tuple(self.with_part(part, face) for face in limit.faces(self.numbers[part]))
+            for limit, part in self._convex_rows
         )
 
     def opened(self, row: int, faces: Collection[int]) -> Array | None:
         """All numbers with those of the body of one of these rows replaced as of
         ``ConvexLimit.opened``."""
-        limit, own, inner, part = self._convex_rows[row]
-        found = limit.opened(self.numbers[own], inner, faces)
+        limit, part = self._convex_rows[row]
+        found = limit.opened(self.numbers[part], faces)
         return None if found is None else self.with_part(part, found)
 
     def part_of(self, row: int) -> slice:
@@ -130,15 +130,14 @@ class SceneLimits:
         return self._convex_rows[row][-1]
 
     @cached_property
-    def _convex_rows(self) -> list[tuple[ConvexLimit, slice, int, slice]]:
-        """Of each of these rows its limit, the place of all its numbers, which of its rows it is,
-        and the place of the numbers of that."""
-        found = list[tuple[ConvexLimit, slice, int, slice]]()
+    def _convex_rows(self) -> list[tuple[ConvexLimit, slice]]:
+        """Of each of these rows its limit and the place of the numbers of its body."""
+        found = list[tuple[ConvexLimit, slice]]()
         for limit, own, rows in self._places:
             if isinstance(limit, ConvexLimit):
                 each = (own.stop - own.start) // (rows.stop - rows.start)
-                parts = enumerate(pairwise(range(own.start, own.stop + 1, each)))
-                found += [(limit, own, k, slice(*part)) for k, part in parts]
+                parts = pairwise(range(own.start, own.stop + 1, each))
+                found += [(limit, slice(*part)) for part in parts]
         return found
 
     def with_part(self, place: slice, part: Array) -> Array:
