@@ -26,16 +26,7 @@ FOLDER = Path(__file__).with_name("prebuilt")
 _PROBE = "runs_here"
 """Name of the library, and of its function, that says whether this processor has a level."""
 
-_OLD_LIBC = """\
-#if defined(__linux__) && defined(__x86_64__)
-#include <features.h>
-#ifdef __GLIBC__
-__asm__(".symver exp,exp@GLIBC_2.2.5");
-__asm__(".symver log,log@GLIBC_2.2.5");
-__asm__(".symver pow,pow@GLIBC_2.2.5");
-#endif
-#endif
-"""
+_OLD_LIBC = Path(__file__).with_name("old_libc.c").read_text()
 """Asks for the names of functions that every glibc has: those of 2.29 return the same numbers."""
 
 

@@ -24,25 +24,6 @@ from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot, as_delta
 
-_PLAYED = """
-/* Instants of the plan, and angles, speeds, accelerations, torques there. */
-enum { INSTANTS = ${number} };
-static const double played[INSTANTS][13] = {
-${rows}
-};
-"""
-_PLAY = """
-  for (int i = 0; i < INSTANTS; i++) {
-    const double *s = played[i];
-    delta_setpoint found;
-    delta_play(&delta_plan, s[0], delta_plan_payload, &found);
-    compare(found.angle, s + 1);
-    compare(found.speed, s + 4);
-    compare(found.acceleration, s + 7);
-    compare(found.torque, s + 10);
-  }"""
-"""What the test program has and does of a plan."""
-
 
 def export_c(robot: Robot, directory: Path) -> list[Path]:
     """Write delta.h, delta.c and test_delta.c into a directory, made if need be.
@@ -177,8 +158,8 @@ def program(robot: Robot, plan: Trajectory | None = None) -> str:
         number=len(rows),
         payload=repr(payload),
         states=_braced(rows),
-        played="" if plan is None else _played(plan),
-        play="" if plan is None else _PLAY,
+        played="" if plan is None else "\n" + _played(plan),
+        play="" if plan is None else _filled("play.c"),
     )
 
 
@@ -192,7 +173,7 @@ def _played(plan: Trajectory) -> str:
         joints.rate_to_controller(each) for each in (motion.dtheta, motion.ddtheta, motion.tau)
     )
     rows = np.hstack([t[:, None], joints.angle_to_controller(motion.theta), *rates])
-    return Template(_PLAYED).substitute(number=len(rows), rows=_braced(rows))
+    return _filled("played.c", number=len(rows), rows=_braced(rows))
 
 
 def _braced(rows: Array) -> str:
