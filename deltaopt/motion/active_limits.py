@@ -21,19 +21,6 @@ _STEPS = 32
 """Parts that each interval of a motion is looked at in: instants are then known to 3 % of it."""
 
 
-@dataclass(frozen=True, eq=False)
-class ShareCurve:
-    """One limited quantity over time, as a signed share of its bounds.
-
-    ``limit``: the limit's name. ``subject``: "motor 2". ``values``: (N,), 1 at the upper bound and
-    -1 at the lower; between two bounds counted from their middle.
-    """
-
-    limit: str
-    subject: str
-    values: Array
-
-
 @dataclass(frozen=True)
 class Span:
     """A part of a motion's time, s, in which a quantity is at a bound.
@@ -74,20 +61,24 @@ class ActiveLimit:
         return f"{what} is at its limit {100 * self.share:.0f} % of the time"
 
 
-def share_curves(problem: Problem, trajectory: Trajectory, fractions: Array) -> list[ShareCurve]:
-    """The curves of all limits that a motion must keep, at fractions of every interval.
+def share_curves(
+    problem: Problem, trajectory: Trajectory, fractions: Array
+) -> dict[tuple[str, str], Array]:
+    """The quantities of all limits that a motion must keep, as signed shares of their bounds, at
+    fractions of every interval, (N,): by the limit's name and its subject, "motor 2".
 
-    Where a limit has several items for one subject, the curve is that of the item that is nearest
+    A share is 1 at the upper bound and -1 at the lower; between two bounds it is counted from their
+    middle. Where a limit has several items for one subject, it is that of the item that is nearest
     to its bound at each instant.
     """
-    found: dict[tuple[str, str], Array] = {}
+    found = dict[tuple[str, str], Array]()
     for curves in limit_curves(problem, trajectory, fractions):
         subjects = curves.limit.subjects(curves.values.shape[1])
         for subject, values in zip(subjects, curves.shares.T, strict=True):
             name = (curves.limit.name, subject)
             before = found.get(name, np.zeros(len(values)))
             found[name] = np.where(np.abs(values) > np.abs(before), values, before)
-    return [ShareCurve(limit, subject, values) for (limit, subject), values in found.items()]
+    return found
 
 
 def active_limits(problem: Problem, trajectory: Trajectory) -> tuple[ActiveLimit, ...]:
@@ -99,12 +90,12 @@ def active_limits(problem: Problem, trajectory: Trajectory) -> tuple[ActiveLimit
     begins = trajectory.knots[:-1, None] + lengths[:, None] * edges[:-1]
     ends = np.append(begins.ravel()[1:], trajectory.knots[-1])
     found = []
-    for curve in share_curves(problem, trajectory, cells):
-        at = np.where(np.abs(curve.values) >= AT_LIMIT, np.sign(curve.values), 0.0)
+    for (limit, subject), shares in share_curves(problem, trajectory, cells).items():
+        at = np.where(np.abs(shares) >= AT_LIMIT, np.sign(shares), 0.0)
         spans = tuple(_spans(at, begins.ravel(), ends))
         if spans:
             held = sum(span.end - span.begin for span in spans)
-            found.append(ActiveLimit(curve.limit, curve.subject, spans, held / trajectory.duration))
+            found.append(ActiveLimit(limit, subject, spans, held / trajectory.duration))
     found.sort(key=lambda each: -each.share)
     return *_rotation(problem, trajectory), *found
 

@@ -57,9 +57,9 @@ def drawing(parts: Sequence[Moving]) -> dict[str, object]:
     before = 0
     for part, begins in zip(parts, whole.begins.tolist(), strict=False):
         since = begins - part.trajectory.knots[0]
-        for curve in share_curves(problem_of(part.scene), part.trajectory, inside):
-            values = curves.setdefault((curve.limit, curve.subject), np.zeros(len(t)))
-            values[before : before + len(curve.values)] = curve.values
+        shares = share_curves(problem_of(part.scene), part.trajectory, inside)
+        for name, own in shares.items():
+            curves.setdefault(name, np.zeros(len(t)))[before : before + len(own)] = own
         for body, distances in _clearances(part, inside).items():
             values = near.setdefault(body, np.full(len(t), np.nan))
             values[before : before + len(distances)] = 1e3 * distances
