@@ -41,7 +41,7 @@ def reference(name):
 
 def values(p):
     """The numbers of the terms that are present, in the order of ``Mechanism.parameters``."""
-    return [float(getattr(p, name)) for name in p.present()]
+    return [float(getattr(p, name)) for name in p.named()]
 
 
 def name(formulation):

@@ -138,7 +138,7 @@ def _shape(s: Any) -> Any:
 def _with_springs(parameters: DeltaParameters) -> Mechanism:
     """A Delta with a spring at each arm."""
     plain = delta(parameters)
-    p = dict(zip(parameters.present(), ca.vertsplit(plain.parameters), strict=True))
+    p = dict(zip(parameters.named(), ca.vertsplit(plain.parameters), strict=True))
     springs = [_spring(plain.q[3 + 3 * k], p["m1"], p["a2"], p["g"]) for k in range(3)]
     each = zip(plain.efforts, springs, strict=True)
     return replace(plain, efforts=tuple(Effort(own.value + more, own.rate) for own, more in each))

@@ -36,7 +36,7 @@ def as_printed(mechanism: Mechanism, terms: DeltaParameters) -> Mechanism:
     parameters it has."""
     given = {x.name: getattr(mechanism, x.name) for x in fields(Mechanism)}
     values = ca.vertsplit(mechanism.parameters)
-    symbols: dict[str, Any] = dict(zip(terms.present(), values, strict=True))
+    symbols: dict[str, Any] = dict(zip(terms.named(), values, strict=True))
     return _Printed(**given, letters=replace(terms, **symbols))
 
 

@@ -79,29 +79,25 @@ class DeltaParameters:
         parts = [load.torque(angle, speed) for load in self.loads]
         return sum(parts, SX(0)) if parts else None
 
-    def present(self) -> list[str]:
-        """Names of the parameters the model has, in the order of ``Mechanism.parameters``."""
-        return list(self._named())
-
     def terms(self) -> DeltaTerms:
         """The terms of a model with these parameters, which must be numbers."""
         slender = self.I42 is None and bool(self.I41 == self.I43)
-        return DeltaTerms(tuple(self.present()), slender, tuple(map(type, self.loads)))
+        return DeltaTerms(tuple(self.named()), slender, tuple(map(type, self.loads)))
 
     def symbols(self) -> DeltaParameters:
         """These parameters as free symbols."""
-        return DeltaTerms(tuple(self.present()), False, tuple(map(type, self.loads))).symbols()
+        return DeltaTerms(tuple(self.named()), False, tuple(map(type, self.loads))).symbols()
 
     def values(self) -> list[float]:
         """The values of the parameters the model has."""
-        return [float(value) for value in self._named().values()]
+        return [float(value) for value in self.named().values()]
 
     def vector(self) -> SX:
         """The parameters the model has, as a column."""
-        return ca.vertcat(*map(SX, self._named().values()))
+        return ca.vertcat(*map(SX, self.named().values()))
 
-    def _named(self) -> dict[str, SX | float]:
-        """The parameters the model has, by name."""
+    def named(self) -> dict[str, SX | float]:
+        """The parameters the model has, by name, in the order of ``Mechanism.parameters``."""
         named = dict[str, SX | float]()
         for name, value in ((each.name, getattr(self, each.name)) for each in fields(self)):
             if name == "loads":

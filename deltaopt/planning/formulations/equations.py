@@ -30,13 +30,7 @@ def flat_equations(system: ScaledMechanism) -> Equations:
     y, X, V, A, tau, T = symbols(len(system.independent), system.motors)
     motion = _physical(u.q[list(system.independent)], X, V, A, u.time * T)
     rows = _in_units(system.equations(*motion, u.torque * tau, system.p), system)
-    return Equations(
-        system,
-        system.independent,
-        0,
-        named(EXPLICIT, y, system, rows),
-        limits=_limits(system, minimal=True),
-    )
+    return _minimal(system, named(EXPLICIT, y, system, rows), at_nodes=False)
 
 
 def forward_equations(system: ScaledMechanism) -> Equations:
@@ -49,14 +43,14 @@ def forward_equations(system: ScaledMechanism) -> Equations:
     q, dq, _ = system.motion(x, v, rest, system.p)
     ddq, _ = Explicit().forward_dynamics(m).expand()(0, q, dq, u.torque * tau, m.parameters)
     rows = A - (u.time * T) ** 2 * ddq[list(system.independent)] / units
-    return Equations(
-        system,
-        system.independent,
-        0,
-        named("forward dynamics of independent coordinate", y, system, rows),
-        at_nodes=True,
-        limits=_limits(system, minimal=True),
-    )
+    dynamics = named("forward dynamics of independent coordinate", y, system, rows)
+    return _minimal(system, dynamics, at_nodes=True)
+
+
+def _minimal(system: ScaledMechanism, dynamics: PointFunction, *, at_nodes: bool) -> Equations:
+    """The equations in ξ alone."""
+    limits = _limits(system, minimal=True)
+    return Equations(system, system.independent, 0, dynamics, at_nodes, limits)
 
 
 def explicit_equations(system: ScaledMechanism, closure: LoopClosure) -> Equations:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from math import log
 from typing import Any
 
@@ -18,7 +17,7 @@ from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.piecewise import Array
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.planning.path.path_mesh import LONGEST, SERIES, STOPPING, MeshMotion, PathMesh
-from deltaopt.planning.path.path_rows import RESTING, AffineRows, PathRows, State, kept_rows
+from deltaopt.planning.path.path_rows import RESTING, PathRows, State, kept_rows
 from deltaopt.planning.path.sweep import FASTEST, Speeds, Unattainable, compiled, swept
 
 INSIDE = np.array([0.2, 0.5, 0.8])
@@ -101,19 +100,13 @@ def by_arrays(
     tighter: Array | None = None,
 ) -> OnMesh:
     """``fastest_on_mesh`` without ``on_mesh.c``."""
-    tangents = tangents_on(rows, mesh, tangency, tighter)
+    tangents = rows.tangents(mesh.ends, tangency.last, tangency.halfway)
+    if tighter is not None:
+        tangents = tangents.tightened(np.repeat(tighter, 2, axis=0))
     motion = MeshMotion.of(mesh, swept(mesh.h, tangents, *ends, convex=rows.are_convex))
     b, u = motion.at(INSIDE)
     beyond = rows.beyond(mesh.places(INSIDE), b.ravel(), u.ravel()).reshape(*b.shape, -1)
     return OnMesh(motion, tangency, tighter, beyond, _losses(motion, beyond))
-
-
-def tangents_on(
-    rows: PathRows, mesh: PathMesh, tangency: Tangency, tighter: Array | None
-) -> AffineRows:
-    """The rows that ``fastest_on_mesh`` finds the fastest motion for."""
-    tangents = rows.tangents(mesh.ends, tangency.last, tangency.halfway)
-    return tangents if tighter is None else tangents.tightened(np.repeat(tighter, 2, axis=0))
 
 
 def _losses(motion: MeshMotion, beyond: Array) -> Array:
@@ -197,11 +190,9 @@ class PathMultipliers:
         return max(0.0, (tighter - wider) / (2 * _STEP))
 
     def _log_duration(self, by: Array) -> float:
-        mesh, rows = self.on_mesh.motion.mesh, self._tangents.tightened(by)
-        speeds = swept(mesh.h, rows, *self.ends, convex=self.rows.are_convex)
-        return log(MeshMotion.of(mesh, speeds).duration)
-
-    @cached_property
-    def _tangents(self) -> AffineRows:
-        found = self.on_mesh
-        return tangents_on(self.rows, found.motion.mesh, found.tangency, found.tighter)
+        """ln T of the fastest motion with bounds moved inwards by so much more, (owners,)."""
+        found, mesh = self.on_mesh, self.on_mesh.motion.mesh
+        moved = by if found.tighter is None else found.tighter + by
+        tighter = np.broadcast_to(moved, (len(mesh.h), len(by)))
+        same = fastest_on_mesh(self.rows, mesh, found.tangency, self.ends, tighter)
+        return log(same.motion.duration)
