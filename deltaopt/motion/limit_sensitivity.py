@@ -80,7 +80,7 @@ class LimitSensitivity:
 
 
 def limit_sensitivities(
-    multipliers: Multipliers, most_saved: float = 1.0
+    multipliers: Multipliers, most_saved: float
 ) -> tuple[LimitSensitivity, ...]:
     """The sensitivities to all limits that a motion must keep, the largest first.
 

@@ -13,7 +13,7 @@ from deltaopt.motion.motion_sequence import waiting
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.facts import above_nominal
 from deltaopt.output.in_words import duty_table, percent
-from deltaopt.output.plan_files import COLUMNS, FORMAT, RATE, instants, rows_at, versions
+from deltaopt.output.plan_files import COLUMNS, FORMAT, instants, rows_at, versions
 from deltaopt.output.saved_plan import SavedPlan, UnreadablePlan, load_plan, read_record
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.scene.moving_ends import Belt
@@ -33,7 +33,7 @@ def verified(plan: CyclePlan) -> CycleVerification:
     return verify_cycle(legs, plan.waits, goals, plan.cycle.rms_limits, plan.cycle.period)
 
 
-def write_cycle(file: Path, plan: CyclePlan, rate: float = RATE) -> None:
+def write_cycle(file: Path, plan: CyclePlan, rate: float) -> None:
     """Write a period of a cycle as CSV, a row at each instant at ``rate`` (Hz) and at its end."""
     times = instants(plan.trajectory, rate)
     ends = np.cumsum(plan.phases)[1::2]

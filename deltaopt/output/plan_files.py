@@ -61,8 +61,7 @@ COLUMNS = (
 def write_motion(file: Path, trajectory: Trajectory, rate: float = RATE) -> None:
     """Write a motion at ``rate`` (Hz) and at its last instant as CSV, one row each. Raises
     ValueError if there are more than ``MOST_ROWS`` rows."""
-    _require_rows(trajectory, rate)
-    write_csv(file, COLUMNS, rows_at(trajectory, instants(trajectory, rate)).tolist())
+    write_csv(file, COLUMNS, _rows(trajectory, rate).tolist())
 
 
 def content(facts: Facts) -> dict[str, object]:
@@ -153,9 +152,7 @@ def instants(trajectory: Trajectory | MotionSequence, rate: float) -> Array:
 def frame(trajectory: Trajectory, rate: float = RATE) -> Any:
     """The rows of trajectory.csv, by column: a pandas DataFrame, or a dictionary of arrays, (N,),
     where pandas is not installed. Raises ValueError as ``write_motion``."""
-    _require_rows(trajectory, rate)
-    rows = rows_at(trajectory, instants(trajectory, rate))
-    columns = dict(zip(COLUMNS, rows.T.copy(), strict=True))
+    columns = dict(zip(COLUMNS, _rows(trajectory, rate).T.copy(), strict=True))
     try:
         from pandas import DataFrame
     except ImportError:
@@ -175,9 +172,11 @@ def rows_at(trajectory: Trajectory | MotionSequence, times: Array) -> Array:
     return np.hstack([m.t[:, None], m.x, m.v, m.a, m.theta, m.dtheta, m.ddtheta, m.tau])
 
 
-def _require_rows(trajectory: Trajectory, rate: float) -> None:
-    """Raise ValueError if there are more than ``MOST_ROWS`` rows, or none at this rate."""
+def _rows(trajectory: Trajectory, rate: float) -> Array:
+    """Rows of trajectory.csv at ``rate`` (Hz) and at the last instant. Raises ValueError if there
+    are more than ``MOST_ROWS``, or none at this rate."""
     require_positive("rate", rate)
     most = highest_rate(trajectory)
     if rate > most:
         raise ValueError(f"rate is {rate:g} Hz; for {MOST_ROWS} rows it may be {most:.6g} at most")
+    return rows_at(trajectory, instants(trajectory, rate))

@@ -47,7 +47,7 @@ def of_controller(table: JointTable, robot: Robot) -> JointTable:
     )
 
 
-def write_table(file: Path, table: JointTable, unit: str = "rad") -> None:
+def write_table(file: Path, table: JointTable, unit: str) -> None:
     """Write the rows of a table as CSV with ``COLUMNS``: s, the unit, and the unit by s and s².
     Names of columns of angles end in the unit where it is not rad, as ``theta1_deg``."""
     angles = UNITS[unit] * np.hstack([table.theta, table.dtheta, table.ddtheta])

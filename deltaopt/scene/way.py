@@ -98,14 +98,11 @@ def require_distinct(via: Sequence[Boundary], start: Vector3, goal: Vector3 | No
     points = [Boundary(start), *via, *last]
     if not via or any(a.position == b.position for a, b in pairwise(points)):
         expected = "points in m, each other than the one before it, start and goal included"
-        raise SceneError(None, "via", content_of_via([_of(point) for point in via]), expected)
+        given = [{"at": p.position, "within": p.within} if p.within else p.position for p in via]
+        raise SceneError(None, "via", given, expected)
     for number, point in enumerate(via):
         beside = (points[number], *points[number + 2 : number + 3])
         most = min(dist(point.position, other.position) + other.within for other in beside)
         if point.within >= most:
             expected = f"less than {most:.6g} m: it holds all of the point before or after it"
             raise SceneError(None, f"via[{number}].within", point.within, expected)
-
-
-def _of(point: Boundary) -> Via:
-    return Near(at=point.position, within=point.within) if point.within else point.position

@@ -205,11 +205,8 @@ class Verification:
         }
         content["singularities"] = {
             distance.name: {
-                "least": finite(distance.least),
-                "formula": distance.formula,
-                "unit": distance.unit,
-                "subject": distance.subject,
-                "t": distance.t,
+                name: finite(getattr(distance, name))
+                for name in ("least", "formula", "unit", "subject", "t")
             }
             for distance in self.distances
         }

@@ -155,7 +155,7 @@ def split(mesh: Array, pieces: int | Index) -> Array:
     return np.repeat(mesh / pieces, pieces)
 
 
-def shortest_intervals(motion: Trajectory, together: int = 1) -> Array:
+def shortest_intervals(motion: Trajectory, together: int) -> Array:
     """Lengths below which so many intervals of a motion together must not be split, as fractions of
     the duration, (N,)."""
     begins_and_ends = np.linalg.norm(motion.path_inside([0.0, 1.0])[2], axis=1)

@@ -59,7 +59,7 @@ def fastest_on_mesh(
     mesh: PathMesh,
     tangency: Tangency,
     ends: tuple[float, float],
-    tighter: Array | None = None,
+    tighter: Array | None,
 ) -> OnMesh:
     """The fastest motion on a mesh with ṡ² = ``ends`` at start and goal.
 
@@ -97,7 +97,7 @@ def by_arrays(
     mesh: PathMesh,
     tangency: Tangency,
     ends: tuple[float, float],
-    tighter: Array | None = None,
+    tighter: Array | None,
 ) -> OnMesh:
     """``fastest_on_mesh`` without ``on_mesh.c``."""
     tangents = rows.tangents(mesh.ends, tangency.last, tangency.halfway)
