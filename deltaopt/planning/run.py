@@ -136,8 +136,7 @@ class Run(Loop):
         except NO_PLAN as error:
             so_far.add(error)
         motion, begin = known[0].trajectory if known else None, perf_counter()
-        others = other_motions(scene, motion, search.most, search.seed)
-        for number, other in enumerate(others, 2):
+        for number, other in enumerate(other_motions(scene, motion, search.most, search.seed), 2):
             attempt = from_motion(
                 scene, Proposal(f"start {number}", other), self.optimiser.intervals
             )
@@ -261,10 +260,12 @@ class Run(Loop):
                 planned=planned,
                 roughly=self.roughly,
             )
-            if isinstance(found, NotConverged):  # not where no way is known even at rest
+            known = found if isinstance(found, Plan) else None
+            if known.gap > _NEARLY if known else isinstance(found, NotConverged):
                 stopped = first(stop_of(scene, planned), None)
-                found = self.improved(scene, stopped) if stopped else found
-            found = first(under_way, found if isinstance(found, Plan) else None) or found
+                other = stopped and self.improved(scene, stopped)
+                known = quicker(known, other) if known and other else other or known
+            found = first(under_way, known) or known or found
         return or_raise(found)
 
     def _onto_belt(self, scene: Scene, found: Plan | DeltaOptError) -> Plan | DeltaOptError:
@@ -395,6 +396,5 @@ class Run(Loop):
         improved = (self.improved(scene, each) for each in found)
         known = next((each for each in improved if isfinite(each.gap)), None)
         best = quicker(known, found[0]) if known else found[0]
-        name = name_of_way(scene, best.trajectory)
-        way = TakenWay(name, best.duration, True, best.trajectory)
+        way = TakenWay(name_of_way(scene, best.trajectory), best.duration, True, best.trajectory)
         return [replace(best, ways=(way,))]

@@ -260,24 +260,24 @@ class Bodies:
 
     def is_nearly_clear(self, band: Array) -> bool:
         """Whether a band leads through no body, however thin, though it may cut corners: whether
-        where it runs into one a little shift to a side makes it clear of that."""
+        where it runs into one a little shift to a side makes it clear of that, and leads into no
+        body that it is clear of there: not between two that touch."""
         distance, _ = self.distances(band)
         room = distance - self.kept
         pierced = self.pierced(band, distance)
         inside = {(k + 1, body) for k, body in np.argwhere(room[1:-1] < 0).tolist()}
         inside |= {(k, body) for k, body in enumerate(pierced.tolist()) if body >= 0}
         shifts = self.way * _LITTLE * np.kron(_SHARES, sides_of(band[-1] - band[0]))[:, None]
-        near = ((band[max(0, k - _BESIDE) : k + 1 + _BESIDE], body) for k, body in inside)
-        return all(self._any_leads_past(piece + shifts, body) for piece, body in near)
-
-    def _any_leads_past(self, pieces: Array, body: int) -> bool:
-        """Whether any of some pieces of bands, (W, n, 3), is clear of a body."""
-        distance = self.distances(pieces.reshape(-1, 3))[0].reshape(*pieces.shape[:2], -1)
-        past = np.flatnonzero((distance[..., body] >= self.kept[body]).all(axis=1))
-        return any(
-            bool((self.pierced(pieces[each], distance[each]) != body).all())
-            for each in past[::-1].tolist()  # the farthest shifts first: most are clear
-        )
+        for k, body in inside:
+            others = {each for place, each in inside if abs(place - k) <= 2 * _BESIDE} - {body}
+            rows = np.setdiff1d(np.arange(len(self.kept)), sorted(others))
+            pieces = band[max(0, k - _BESIDE) : k + 1 + _BESIDE] + shifts
+            distance = self.distances(pieces.reshape(-1, 3))[0].reshape(*pieces.shape[:2], -1)
+            past = (distance[..., rows] >= self.kept[rows]).all(axis=(1, 2))
+            through = self.pierced(pieces[past], distance[past])
+            if np.isin(through, rows).any(axis=1).all():
+                return False
+        return True
 
     def sides(self, band: Array) -> tuple[str, ...]:
         """On which sides a band passes the bodies that it comes near, in order of time:
