@@ -74,7 +74,7 @@ def test_a_new_cell_is_planned(tmp_path, capsys, drawn):
     cell = load_cycle(scene)
     assert (len(cell.legs), cell.parts, cell.rms_limits) == (4, 2, (25.0, 25.0, 25.0))
     out = tmp_path / "out"
-    assert main(["plan", str(scene), "-o", str(out)]) == 0
+    assert main(["plan", str(scene), "--tolerance", "0.02", "-o", str(out)]) == 0
     *views, torques = drawn[-1].axes
     (axes, numbers) = max(
         ((each, numbers_of(each)) for each in views), key=lambda each: len(each[1])
@@ -164,7 +164,8 @@ def assert_written_over(scene, folder):
     assert names() == {*plan, "plan.png", "leg_2/notes.txt"}
     assert main(["verify", str(folder)]) == 0
     for _ in range(2):
-        assert main(["plan", scene, "--rated", "-o", str(folder), "--no-plot"]) == 0
+        words = ["plan", scene, "--rated", "--tolerance", "0.05", "-o", str(folder), "--no-plot"]
+        assert main(words) == 0
         assert names() == {*cycle, "leg_2/notes.txt"}
         shutil.copytree(folder / "leg_1", folder / "leg_3")
     other = folder.parent / "scenes"  # whose plans have names of legs, and are none

@@ -42,15 +42,13 @@ class Leg:
     """A motion to ``goal``, m, with ``payload``, kg, and the ``dwell`` there, s, still with it.
 
     ``belt``: the velocity, m/s, of a goal that moves; ``goal`` is where it is when the cycle
-    begins, it is met at that velocity and stayed with while the dwell lasts. ``passed``: whether
-    the goal is passed without rest, with any velocity and no dwell.
+    begins, it is met at that velocity and stayed with while the dwell lasts.
     """
 
     goal: Point
     payload: float | None = None
     dwell: float = 0.0
     belt: Point = STILL
-    passed: bool = False
 
 
 @dataclass(frozen=True)
@@ -68,13 +66,12 @@ class Cycle:
 
 @dataclass(frozen=True)
 class Asked:
-    """Of a cycle: ``robot``, ``start``, m, and ``legs``. It begins at rest, or, where the last leg
-    passes its goal, with the velocity of that, which then is the start.
+    """Of a cycle: ``robot``, ``start``, m, and ``legs``. It begins at rest.
 
     ``peak``: the largest torques, N·m, those of the drive unless given; speeds, and torques at
     speed, are limited as the drive says. ``rated``: the largest RMS torques over the period, N·m,
     dwells included, without ``is_limited`` but the weights of the heat. ``period``: s; then the
-    heat is the cost. ``free_dwells``: whether dwells may be longer than the legs say.
+    heat is the cost.
     """
 
     robot: Robot
@@ -84,7 +81,6 @@ class Asked:
     rated: float | Point | None = None
     is_limited: bool = True
     period: float | None = None
-    free_dwells: bool = False
 
     @property
     def most(self) -> Array:
@@ -140,11 +136,9 @@ class _Transcription:
         asked, program, way, unit = self.asked, self.program, self.way, self.unit
         speed = way / unit
         x = program.unknown(np.array(asked.start), way)
-        v = first = program.unknown(np.zeros(3), speed)
+        v = program.unknown(np.zeros(3), speed)
         program.equal(x, asked.start, way)
-        circles = asked.legs[-1].passed
-        if not circles:
-            program.equal(v, STILL, speed)
+        program.equal(v, STILL, speed)
         now, squares = ca.SX(0), ca.SX.zeros(3)
         durations, dwells, all_motors = [], [], []
         for number, leg in enumerate(asked.legs):
@@ -153,19 +147,11 @@ class _Transcription:
             now, squares, belt = now + T, squares + used, ca.DM(leg.belt)
             program.equal(x, ca.DM(leg.goal) + now * belt, way)
             pause = ca.SX(leg.dwell)
-            if leg.passed:
-                assert leg.dwell == 0
-                assert leg.belt == STILL
-            else:
-                program.equal(v, leg.belt, speed)
-                if asked.free_dwells:
-                    pause = program.unknown(np.array([leg.dwell]) + 0.01, unit, leg.dwell)
-                squares += self._pause(leg, x, pause)
-                x, now = x + pause * belt, now + pause
+            program.equal(v, leg.belt, speed)
+            squares += self._pause(leg, x, pause)
+            x, now = x + pause * belt, now + pause
             durations.append(T)
             dwells.append(pause)
-        if circles:
-            program.equal(v, first, speed)
         rated = None if asked.rated is None else np.array(per_motor(asked.rated))
         heat = ca.SX.zeros(3) if rated is None else squares / rated**2
         if rated is not None and asked.is_limited:

@@ -41,12 +41,6 @@ def test_without_a_limit_of_the_whole_legs_are_fastest_motions():
     assert found.period == pytest.approx(sum(found.durations) + 0.05, rel=1e-12)
 
 
-def test_a_point_that_is_passed_is_a_via_point():
-    point = (0.82, 0.0, 0.05)
-    found = of_oracle(HERE, Leg(point, 1.0, passed=True), Leg(THERE, 1.0))
-    assert found.period == pytest.approx(fastest(HERE, THERE, 1.0, via=(point,)).duration, rel=1e-4)
-
-
 def test_the_heat_of_a_motion_in_a_given_time_is_its_effort():
     found = of_oracle(HERE, Leg(THERE, 1.0), rated=20.0, is_limited=False, period=0.2)
     alone = fastest(HERE, THERE, 1.0, objective=Effort(duration=0.2))

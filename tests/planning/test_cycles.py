@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -44,6 +45,12 @@ def cycle(robot=INDUSTRIAL, dwells=(0.05, 0.0), **more):
     return Cycle(legs=(there, Scene(robot=robot, start=THERE, goal=HERE)), dwells=dwells, **more)
 
 
+@cache
+def planned(asked: Cycle, tolerance: float = 5e-3) -> deltaopt.CyclePlan:
+    """The plan of a cycle that several tests look at."""
+    return plan_cycle(asked, tolerance=tolerance)
+
+
 def dense_rms(found):
     """Of the whole period, by Simpson's rule on 100,001 instants: torques that jump between two of
     them are missed by 1e-5, about."""
@@ -71,50 +78,52 @@ def rated_cycle():
 @pytest.mark.parametrize("asked", [belt_cycle, rated_cycle])
 def test_periods_are_those_of_a_program_over_all_legs(asked):
     ours, theirs = asked()
-    found, other = plan_cycle(ours, tolerance=1e-4), best_cycle(theirs, 16, 1)
+    found, other = planned(ours, 1e-4), best_cycle(theirs, 16, 1)
     assert found.gap <= 1e-4
     assert found.period == pytest.approx(other.period, rel=1e-4)
     assert (dense_rms(found) <= (1 + 5e-5) * np.array(ours.rms_limits)).all()
     assert verified(found).ok
 
 
-@pytest.mark.parametrize(("period", "near"), [(0.5, 1e-4), (0.343, 3e-4)])
-def test_the_least_heat_in_a_period_is_that_of_a_program_over_all_legs(period, near):
-    """In the second the motors are as warm as they may be: it is 2 % above the least, and what the
+def test_the_least_heat_in_a_period_is_that_of_a_program_over_all_legs():
+    """The motors are as warm as they may be: the period is 2 % above the least, and what the
     oracle's durations are too long by takes more heat."""
+    period = 0.343
     found = plan_cycle(cycle(rms_torque=22.0, period=period), tolerance=1e-4)
     legs = Leg(THERE, 1.0, 0.05), Leg(HERE)
     other = best_cycle(Asked(INDUSTRIAL, HERE, legs, rated=22.0, period=period), 16, 1)
     assert found.period == pytest.approx(period, rel=1e-12)
     heat = period * (np.array(found.rms_torque) ** 2).sum() / 22.0**2
-    assert heat == pytest.approx(other.heat, rel=near)
+    assert heat == pytest.approx(other.heat, rel=3e-4)
 
 
-@pytest.mark.parametrize("ends", [HERE, Belt(at=HERE, belt=(0.0, 0.0, 0.05))])
-def test_a_period_just_above_the_least_is_kept_with_no_more_heat_than_by_waiting(ends):
+@pytest.mark.parametrize(
+    ("ends", "factor"), [(HERE, 1.02), (Belt(at=HERE, belt=(0.0, 0.0, 0.05)), 1.001)]
+)
+def test_a_period_just_above_the_least_is_kept_with_no_more_heat_than_by_waiting(ends, factor):
     """The cycle of least period, which waits for the rest, keeps it too."""
     there = Scene(robot=INDUSTRIAL, payload=1.0, start=THERE, goal=ends)
     leaves = State(at=HERE, velocity=ends.belt) if isinstance(ends, Belt) else ends
     legs = there, Scene(robot=INDUSTRIAL, start=leaves, goal=THERE)
     least = plan_cycle(Cycle(legs=legs, rms_torque=22.0))
-    for factor in (1.001, 1.02):
-        period = factor * least.period
-        found = plan_cycle(least.cycle.model_copy(update={"period": period}))
-        waits = replace(least, dwells=(0.0, period - least.period))
-        assert found.squares.sum() <= (1 + 1e-9) * waits.squares.sum()
-        assert found.period == pytest.approx(period, rel=1e-9)
-        assert found.gap <= 5e-3
-        assert verified(found).ok
+    period = factor * least.period
+    found = plan_cycle(least.cycle.model_copy(update={"period": period}))
+    waits = replace(least, dwells=(0.0, period - least.period))
+    assert found.squares.sum() <= (1 + 1e-9) * waits.squares.sum()
+    assert found.period == pytest.approx(period, rel=1e-9)
+    assert found.gap <= 5e-3
+    assert verified(found).ok
     with pytest.raises(Infeasible, match=f"the least .* is {least.period:.9g}"):
         plan_cycle(least.cycle.model_copy(update={"period": 0.99 * least.period}))
 
 
 def test_more_rated_torque_saves_the_heat_in_a_period_that_its_price_says():
-    colder, found, warmer = (
-        plan_cycle(cycle(rms_torque=r, period=0.34), tolerance=1e-4) for r in (21.9, 22.0, 22.1)
+    colder, warmer = (
+        plan_cycle(cycle(rms_torque=r, period=0.34), tolerance=1e-4) for r in (21.9, 22.1)
     )
     seen = -np.log(warmer.squares.sum() / colder.squares.sum()) / np.log(22.1 / 21.9)
-    assert sum(found.prices) == pytest.approx(seen, rel=0.1)
+    told = (sum(colder.prices) + sum(warmer.prices)) / 2
+    assert told == pytest.approx(seen, rel=0.1)
 
 
 def test_legs_of_motors_that_stay_cool_are_single_plans():
@@ -125,7 +134,7 @@ def test_legs_of_motors_that_stay_cool_are_single_plans():
 
 
 def test_a_dwell_cools_both_legs():
-    short, long = (plan_cycle(cycle(dwells=(d, 0.0), rms_torque=22.0)) for d in (0.02, 0.05))
+    short, long = (planned(cycle(dwells=(d, 0.0), rms_torque=22.0)) for d in (0.02, 0.05))
     assert all(
         one.duration > other.duration for one, other in zip(short.legs, long.legs, strict=True)
     )
@@ -165,7 +174,7 @@ def test_no_leg_is_left_at_a_poor_optimum():
 
 
 def test_verification_sees_what_is_wrong():
-    found = plan_cycle(cycle(rms_torque=22.0))
+    found = planned(cycle(rms_torque=22.0))
     hotter = found.cycle.model_copy(update={"rms_torque": 21.5})
     told = verified(deltaopt.CyclePlan(hotter, found.legs, found.dwells)).failures()
     assert "the RMS torque of motor 1 is" in told[0]
@@ -225,8 +234,8 @@ def test_work_and_gears_of_a_period_by_dense_samples():
 def test_a_cycle_that_starts_on_a_belt_is_the_one_that_starts_off_it():
     """In other words: the same legs in another order. The part of the second period is met where
     that of the first was."""
-    (onto, off), dwells = belt_cycle()[0].legs, (0.04, 0.03)
-    from_rest = plan_cycle(Cycle(legs=(onto, off), dwells=dwells, rms_torque=22.0), tolerance=1e-4)
+    asked, _ = belt_cycle()
+    (onto, off), dwells, from_rest = asked.legs, asked.dwells, planned(asked, 1e-4)
     moving, v = onto.goal, np.array(onto.goal.belt)
     leaves = from_rest.legs[0].reached + 0.04 * v
     start = State(at=tuple(leaves), velocity=moving.belt)
@@ -275,7 +284,7 @@ def test_legs_of_a_long_period_go_where_little_torque_holds_the_arms(period, gap
 def test_a_dwell_on_a_belt_is_verified_as_a_motion():
     """Here a plate is in the way of the dwell alone."""
     onto, off = belt_cycle()[0].legs
-    found = plan_cycle(Cycle(legs=(onto, off), dwells=(0.3, 0.0), rms_torque="none"))
+    found = planned(Cycle(legs=(onto, off), dwells=(0.3, 0.0), rms_torque="none"))
     assert verified(found).ok
     x, _, z = found.legs[0].reached + 0.15 * np.array(onto.goal.belt)
     plate = {"box": {"from": (x - 0.01, 0.1, z - 1e-3), "to": (x + 0.01, 0.2, z + 1e-3)}}
@@ -289,7 +298,7 @@ def test_a_dwell_on_a_belt_is_verified_as_a_motion():
 
 def test_a_dwell_on_a_belt_through_a_body_is_refused():
     onto, off = belt_cycle()[0].legs
-    whole = plan_cycle(Cycle(legs=(onto, off), dwells=(0.3, 0.0), rms_torque="none"))
+    whole = planned(Cycle(legs=(onto, off), dwells=(0.3, 0.0), rms_torque="none"))
     x, _, z = whole.legs[0].reached + 0.15 * np.array(onto.goal.belt)
     for half, told in ((1e-3, ".* the clearance of tool is -"), (2e-5, "the tool is not clear of")):
         plate = {"box": {"from": (x - 0.01, 0.1, z - half), "to": (x + 0.01, 0.2, z + half)}}
@@ -301,15 +310,14 @@ def test_a_dwell_on_a_belt_through_a_body_is_refused():
 
 def test_motors_cool_in_a_wait_where_no_speed_keeps_them_cool():
     """In the first dwell one motor holds more than its limit. With a second dwell of 0.6 s that is
-    given the limit is kept; without it the robot may wait as long."""
+    given the limit is kept in 1.3775 s; without it the robot may wait as long."""
     out = Scene(robot=INDUSTRIAL, start=(0.75, 0.0, 0.0), goal=(0.85, 0.1, 0.0), payload=1.0)
     back = Scene(robot=INDUSTRIAL, start=(0.85, 0.1, 0.0), goal=(0.75, 0.0, 0.0))
-    given = plan_cycle(Cycle(legs=(out, back), dwells=(0.3, 0.6), rms_torque=3.3))
     found = plan_cycle(Cycle(legs=(out, back), dwells=(0.3, 0.3), rms_torque=3.3))
     assert verified(found).ok
     assert max(found.rms_torque) <= 3.3 + 1e-9
     assert found.dwells[1] > 0.3
-    assert found.period < 1.01 * given.period
+    assert found.period < 1.01 * 1.3775
 
 
 def test_legs_that_end_moving_and_hardly_keep_their_limits_are_planned():
