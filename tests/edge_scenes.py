@@ -25,7 +25,7 @@ HIGH: Vector3 = (0.4, 0.0, 0.0)
 """On the axis, where all motors hold the same."""
 STRONG = 60.0
 """N·m, so that only the place matters."""
-DISTANCES = (1e-2, 1e-4, 1e-6, 1e-9)
+DISTANCES = (1e-2, 1e-4, 1e-9)
 """Of a start or goal from the boundary, along the line to ``MIDDLE``, m."""
 SHARES = (0.99, 0.9999, 1.01)
 """Of a torque limit that holding still takes."""

@@ -24,7 +24,7 @@ from deltaopt.errors import Infeasible
 from deltaopt.planning.in_flight import finished_first
 from studies.frozen import cases
 from tests.good_plans import good_plan
-from tests.planning.switching.test_vertical_moves import MOVES, NAMES, VerticalMove
+from tests.planning.switching.test_vertical_moves import MOVES, VerticalMove
 
 CROSS = load_scene("problems/industrial_cross.yaml")
 WALL = load_scene("problems/keep_out/wall_25_305_25.yaml")
@@ -67,7 +67,7 @@ class Underway:
         return Scene(robot=move.robot, payload=move.payload, start=start, goal=goal)
 
 
-@pytest.mark.parametrize("move", MOVES, ids=NAMES)
+@pytest.mark.parametrize("move", MOVES[::3], ids=["down", "up, speed limited"])
 @pytest.mark.parametrize("direction", [1.0, -1.0], ids=["towards the goal", "away from it"])
 def test_vertical_motion_with_a_speed_at_the_start(move, direction):
     """Towards the goal it is the rest of the move. Away from it the platform first comes to rest
@@ -78,7 +78,7 @@ def test_vertical_motion_with_a_speed_at_the_start(move, direction):
     assert expected * (1 - 1e-9) <= found.duration <= expected * (1 + found.gap)
 
 
-@pytest.mark.parametrize("move", MOVES, ids=NAMES)
+@pytest.mark.parametrize("move", MOVES[::3], ids=["down", "up, speed limited"])
 def test_vertical_stop(move):
     """Full torque against the motion, until the kinetic energy is used up."""
     now = Underway(move)
@@ -139,7 +139,7 @@ def test_a_belt_that_moves_away_is_met_as_soon_as_its_place_can_be_reached():
 # Another solver
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", ["belt", "stop"])
 def test_ipopt_finds_the_same(name):
     scene = SHIPPED[name]
     ours, theirs = plan(scene), plan(scene, solver=deltaopt.ipopt)
@@ -229,10 +229,9 @@ def over_the_wall():
     return plan(WALL)
 
 
-@pytest.mark.parametrize("share", [0.3, 0.7])
-def test_interrupted_beside_a_wall(over_the_wall, share):
+def test_interrupted_beside_a_wall(over_the_wall):
     """To a new goal on either side of the wall, past which finishing first is one way."""
-    now = over_the_wall.trajectory(share * over_the_wall.duration)
+    now = over_the_wall.trajectory(0.3 * over_the_wall.duration)
     left = over_the_wall.duration - float(now.t)
     for goal in (WALL.start, (0.82, 0.12, -0.05)):
         new = PLANNER.plan_scene(WALL.model_copy(update={"goal": goal}), start=now)
@@ -269,7 +268,7 @@ def test_finishing_is_a_plan_where_nothing_is_found(across, goal):
 
 
 @pytest.mark.parametrize("share", [0.5, 0.9])
-@pytest.mark.parametrize("goal", [CROSS.goal, (0.80, 0.0, 0.0), Anywhere()], ids=str)
+@pytest.mark.parametrize("goal", [(0.80, 0.0, 0.0), Anywhere()], ids=str)
 @pytest.mark.parametrize("scene", [PASSED, BELT], ids=["passed state", "belt"])
 def test_what_replaces_a_motion_that_ends_moving_comes_to_rest(scene, goal, share):
     """There is no resting at the end of that one: its platform is in motion there."""
@@ -281,13 +280,16 @@ def test_what_replaces_a_motion_that_ends_moving_comes_to_rest(scene, goal, shar
 VIA = {"at": (0.78, -0.05, 0.02), "within": 0.01}
 
 
-@pytest.mark.parametrize("via", [None, (VIA,)], ids=["free", "through a point"])
-@pytest.mark.parametrize("goal", [CROSS.goal, PASSED.goal], ids=["at rest", "passed"])
+@pytest.mark.parametrize(
+    ("goal", "via"),
+    [(CROSS.goal, (VIA,)), (PASSED.goal, None)],
+    ids=["at rest, through a point", "passed"],
+)
 def test_a_motion_to_the_same_goal_takes_no_longer_than_the_rest_of_it(goal, via):
     """Also where a point is still to be passed, and where the goal is passed in motion."""
     scene = CROSS.model_copy(update={"goal": goal, "via": via})
     old = plan(scene)
-    for share in (0.02, 0.9, 0.95):
+    for share in (0.02, 0.95):
         now = old.trajectory(share * (old.phases[0] if via else old.duration))
         new = PLANNER.plan_scene(scene, start=now)
         assert verify(new.scene, new.trajectory).failures() == []
@@ -301,8 +303,7 @@ def test_a_point_that_is_still_to_be_passed_on_the_way_to_where_the_motion_ends(
     assert verify(new.scene, new.trajectory).failures() == []
 
 
-@pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (-0.644, 0.254, -0.607)], ids=str)
-def test_a_stop_and_on_from_there_where_nothing_else_is_found(velocity):
+def test_a_stop_and_on_from_there_where_nothing_else_is_found():
     """At torques near their limit, which may not jump, and too fast: every other attempt fails."""
     given = {
         "base_radius": 0.2306265891993697,
@@ -319,7 +320,7 @@ def test_a_stop_and_on_from_there_where_nothing_else_is_found(velocity):
         robot=CROSS.robot.model_copy(update=given),
         payload=1.2355410278912609,
         start=start,
-        goal=State(at=(0.587, 0.148, 0.02), velocity=velocity),
+        goal=State(at=(0.587, 0.148, 0.02), velocity=(-0.644, 0.254, -0.607)),
         limits={"torque_rate": 4331.400004615969},
     )
     stop = plan(scene.model_copy(update={"goal": Anywhere()}))
@@ -389,14 +390,8 @@ def test_a_start_that_is_too_fast_is_refused():
         PLANNER.plan(State(at=CROSS.start, velocity=(0, 20, 0)), CROSS.goal)
 
 
-@pytest.mark.parametrize(
-    ("name", "formulation"),
-    [("passed_state", deltaopt.forward), ("belt", deltaopt.multiplier)],
-    ids=["passed state, forward", "belt, multiplier"],
-)
-def test_other_formulations_plan_from_and_to_motion(name, formulation):
-    scene = load_scene(f"problems/moving/{name}.yaml")
-    found, flat = plan(scene, formulation=formulation), plan(scene, tolerance=1e-4)
+def test_another_formulation_plans_to_a_belt():
+    found, flat = plan(BELT, formulation=deltaopt.multiplier), plan(BELT, tolerance=1e-4)
     assert verify(found.scene, found.trajectory).failures() == []
     assert found.duration == pytest.approx(flat.duration, rel=found.gap + flat.gap)
 
