@@ -32,7 +32,6 @@ from deltaopt.scene.scene_file import load_scene
 from studies.problems import PROBLEMS
 
 ORSINO = load_robot(PROBLEMS / "robots" / "orsino.yaml")
-INDUSTRIAL = load_robot(PROBLEMS / "robots" / "industrial.yaml")
 PICK = load_scene(PROBLEMS / "pick_and_place.yaml")
 
 WITH_FRICTION = PROBLEMS / "industrial_drive.yaml"
@@ -133,18 +132,6 @@ def test_what_has_no_c_text_is_told():
 
 
 @needs_compiler
-@pytest.mark.parametrize(("robot", "depth"), [(ORSINO, 0.45), (INDUSTRIAL, 0.75)])
-def test_interior_point_finds_what_ipopt_finds(robot, depth):
-    start, goal = (depth, -0.05, 0.02), (depth + 0.05, 0.08, 0.0)
-    ours = Planner(robot, 1.0, tolerance=5e-4).plan(start, goal)
-    assert {r.iterations for r in ours.meshes} != {0}
-    theirs = Planner(robot, 1.0, tolerance=5e-4, solver=Ipopt()).plan(start, goal)
-    assert ours.duration == pytest.approx(theirs.duration, rel=1e-3)
-    assert ours.within_tolerance
-    assert theirs.within_tolerance
-
-
-@needs_compiler
 @pytest.mark.parametrize("scene", SCENES, ids=lambda file: file.stem)
 def test_both_solvers_agree_on_shipped_scenes(scene):
     """To the tolerance, in what the scene's objective measures."""
@@ -156,11 +143,10 @@ def test_both_solvers_agree_on_shipped_scenes(scene):
 
 
 @needs_compiler
-@pytest.mark.parametrize("goal", [(0.9, 0.02, 0.01), (0.8, 0.1, 0.0)], ids=("onwards", "one back"))
-def test_both_solvers_agree_with_friction(goal):
-    """No arm or one turns back: where more do, each place is a local optimum of its own, up to 2e-3
+def test_both_solvers_agree_with_friction():
+    """One arm turns back: where more do, each place is a local optimum of its own, up to 2e-3
     apart, and which one is found depends on the first mesh and on rounding."""
-    robot, start = load_scene(WITH_FRICTION).robot, (0.75, 0.0, 0.0)
+    robot, start, goal = load_scene(WITH_FRICTION).robot, (0.75, 0.0, 0.0), (0.8, 0.1, 0.0)
     ours = Planner(robot, 0.75).plan(start, goal)
     theirs = Planner(robot, 0.75, solver=Ipopt()).plan(start, goal)
     assert ours.cost == pytest.approx(theirs.cost, rel=1e-3)
