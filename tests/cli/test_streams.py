@@ -7,8 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from deltaopt.cli.streams import in_words
 
 ROOT = Path(__file__).parents[2]
@@ -36,10 +34,9 @@ def test_a_reader_that_stops_reading_is_no_error():
     assert process.returncode == 141
 
 
-@pytest.mark.parametrize("words", [["check", SCENE], ["--help"]])
-def test_standard_output_on_a_full_disk(words):
+def test_standard_output_on_a_full_disk():
     with Path("/dev/full").open("wb") as full:
-        ended = run(*words, stdout=full)
+        ended = run("check", SCENE, stdout=full)
     assert ended.stderr == b"deltaopt: standard output: No space left on device\n"
     assert ended.returncode == 2
 
@@ -49,19 +46,11 @@ def test_standard_error_on_a_full_disk():
         assert run("check", "nowhere.yaml", stderr=full).returncode == 2
 
 
-ASCII = {"PYTHONIOENCODING": "ascii"}
 C_LOCALE = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONIOENCODING": ""}
 
 
-def test_a_terminal_that_has_ascii_only():
-    """Signs are said in other words."""
-    told = run("check", SCENE, environment=ASCII)
-    assert (told.returncode, told.stderr) == (0, b"")
-    assert "gravity      9.81 m/s^2 downward" in told.stdout.decode("ascii")
-
-
 def test_a_locale_that_has_ascii_only(tmp_path):
-    """Files are UTF-8 all the same."""
+    """Signs are said in other words; files are UTF-8 all the same."""
     out = tmp_path / "Ausgänge"
     plan = run(
         "plan",
@@ -74,7 +63,7 @@ def test_a_locale_that_has_ascii_only(tmp_path):
         environment=C_LOCALE,
     )
     assert (plan.returncode, plan.stderr) == (0, b"")
-    assert plan.stdout.decode("ascii").count("\n") > 5
+    assert "N^2m^2s" in plan.stdout.decode("ascii")
     assert "N²m²s" in (out / "plan.json").read_text(encoding="utf-8")
 
 

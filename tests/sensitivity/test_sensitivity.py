@@ -46,9 +46,7 @@ def planned(job, tolerance=1e-3):
     [
         "hornet/1_kg",
         "payload/range",
-        "via/within",
         "via/onto_a_belt",
-        "moving/passed_state",
         "approach/25_305_25",
         "keep_out/into_a_box",
         "paths/tube",

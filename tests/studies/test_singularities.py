@@ -93,20 +93,19 @@ def error(formulation: object, family: Family, distance: float, *, moving: bool)
     return float(np.abs(tau - truth).max() / np.abs(truth).max())
 
 
-@pytest.mark.parametrize("moving", [False, True])
-def test_closed_form_loses_digits_in_proportion_and_null_space_none(moving: bool) -> None:
+def test_closed_form_loses_digits_in_proportion_and_null_space_none() -> None:
     """Towards stretched bars: 1/ε for eq. (55); 1e-9 is what is asked of the null space."""
     family = FAMILIES["stretched"]
     distances = np.array([1e-3, 1e-5, 1e-7, 1e-9])
-    errors = [error(Explicit(), family, e, moving=moving) for e in distances]
+    errors = [error(Explicit(), family, e, moving=True) for e in distances]
     assert np.polyfit(np.log10(distances), np.log10(errors), 1)[0] == pytest.approx(-1, abs=0.3)
-    assert error(Explicit(), family, 0.0, moving=moving) > 1e-3
+    assert error(Explicit(), family, 0.0, moving=True) > 1e-3
     for C in (NullSpace(), MOTOR_ANGLES):
-        assert error(Explicit(C), family, 0.0, moving=moving) < 1e-13
-    assert error(Multiplier(), family, 0.0, moving=moving) < 1e-13
+        assert error(Explicit(C), family, 0.0, moving=True) < 1e-13
+    assert error(Multiplier(), family, 0.0, moving=True) < 1e-13
 
 
-@pytest.mark.parametrize("distance", [1e-2, 1e-7, 1e-14, 0.0])
+@pytest.mark.parametrize("distance", [1e-7, 0.0])
 @pytest.mark.parametrize("name", ["stretched", "sideways"])
 def test_motor_angles_keep_torques_at_serial_singularities(name: str, distance: float) -> None:
     assert error(VirtualWork(MOTOR_ANGLES), FAMILIES[name], distance, moving=True) < 1e-13

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from deltaopt.planning.planner import Planner
 from deltaopt.robot.robot import load_robot
@@ -17,12 +16,9 @@ ORSINO, INDUSTRIAL = (
 )
 
 
-@pytest.mark.parametrize(
-    ("robot", "seed"), [(ORSINO, 1), (INDUSTRIAL, 1)], ids=["orsino", "industrial"]
-)
-def test_random_moves(robot, seed):
+def test_random_moves():
     told = []
-    outcomes = random_plans(Planner(robot, 1.0), 6, seed, told.append)
+    outcomes = random_plans(Planner(INDUSTRIAL, 1.0), 6, 1, told.append)
     assert [outcome.failures for outcome in outcomes] == 6 * [()]
     assert told == list(range(1, 7))
 
