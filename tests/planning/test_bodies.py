@@ -84,7 +84,7 @@ def test_the_wall_of_the_readme():
 def test_a_body_in_the_way(body):
     """Of each kind, with a tool of 10 mm radius and a clearance of 1 mm."""
     scene = with_bodies(body, radius=0.01, clearance=0.001)
-    found = planned(scene)
+    found = planned(scene, 1e-2)
     assert found.duration > FREE.duration / (1 + FREE.gap)
     assert found.ways[0].duration == found.duration
     assert all(way.duration > 0.99 * found.duration for way in found.ways)
@@ -198,15 +198,13 @@ def over_the_wall() -> Plan:
 @pytest.mark.parametrize(
     "keys",
     [
-        {"via": [[0.85, -0.08, 0.03]]},
         {"via": [{"at": [0.84, 0.06, 0.02], "within": 0.01}]},
         {"via": [[0.84, -0.06, 0.02]], "goal": {"at": [0.85, 0.15, 0.0], "velocity": [0, 0, 0.5]}},
         {"via": [[0.84, -0.06, 0.02]], "start": {"at": [0.85, -0.15, 0], "velocity": [0, 0.4, 0]}},
         {"via": [[0.84, -0.06, 0.02]], "goal": {"at": [0.85, 0.15, -0.05], "belt": [0, 0, 0.3]}},
-        {"start": {"at": [0.85, -0.15, 0.0], "velocity": [0.2, 0.6, 0.0]}},
         {"approach": {end: {"height": 0.03, "radius": 0.01} for end in ("start", "goal")}},
     ],
-    ids=["via", "sphere", "via and state", "state and via", "via and belt", "state", "approach"],
+    ids=["sphere", "via and state", "state and via", "via and belt", "approach"],
 )
 def test_a_wall_beside_points_and_moving_ends(keys):
     """Of 0.6 mm, through which a mesh may lead between its points. No plan takes longer than twice

@@ -156,7 +156,7 @@ def test_more_time_needs_less_effort():
 
 def test_a_long_motion_waits_where_little_torque_holds_it():
     """It is settled, keeps its limits, and costs little more than a shorter one."""
-    empty, duration, less = PICK.model_copy(update={"payload": None}), 3, 1
+    empty, duration, less = PICK.model_copy(update={"payload": None}), 6, 1
     found = planned(in_time(duration, empty))
     assert found.duration == pytest.approx(duration, rel=1e-14)
     assert found.cost == pytest.approx(

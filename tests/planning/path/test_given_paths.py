@@ -284,7 +284,8 @@ def test_a_curve_by_arrays_is_that_by_a_function():
     ]
     for plan in plans:
         assert plan.duration == pytest.approx(plans[0].duration, rel=2e-5)
-    assert deltaopt.verify(plans[-1].scene, plans[-1].trajectory).failures() == []
+    scene = plans[-1].scene
+    assert deltaopt.verify(scene, deltaopt.plan(scene).trajectory).failures() == []
 
 
 def test_without_a_compiler_it_is_the_same(monkeypatch):
