@@ -114,7 +114,7 @@ class Loop:
         for remedy in _REMEDIES:
             changed = remedy(self.optimiser, attempt, outcome)
             if changed is not None:
-                attempt, outcome = changed, _better(outcome, self.made(changed))
+                attempt, outcome = changed, better(outcome, self.made(changed))
         return outcome if isinstance(outcome, Plan) else first
 
     def made(self, attempt: Attempt) -> Plan | DeltaOptError:
@@ -260,7 +260,7 @@ _REMEDIES = (_kept_away, _from_another_mesh)
 """In this order, each after what came of those before."""
 
 
-def _better(one: Outcome, other: Outcome) -> Outcome:
+def better(one: Outcome, other: Outcome) -> Outcome:
     """The shorter of two plans, the only one, or the later error."""
     if isinstance(one, Plan) and isinstance(other, Plan):
         return quicker(one, other)

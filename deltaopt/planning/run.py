@@ -43,7 +43,7 @@ from deltaopt.planning.first_motions.through_gates import simple_motions, throug
 from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.in_flight import finished_first, stop_of
 from deltaopt.planning.links_clear import keeping_links_clear
-from deltaopt.planning.loop import USUAL, Loop, Outcome, or_raise
+from deltaopt.planning.loop import USUAL, Loop, Outcome, better, or_raise
 from deltaopt.planning.past_bodies.legs import Legs, proposed_in_legs, ways_in_legs
 from deltaopt.planning.past_bodies.ways import NEARLY, at_rest, fastest_way, ways_past
 from deltaopt.planning.path.path_planning import (
@@ -260,12 +260,11 @@ class Run(Loop):
                 planned=planned,
                 roughly=self.roughly,
             )
-            known = found if isinstance(found, Plan) else None
-            if known.gap > _NEARLY if known else isinstance(found, NotConverged):
+            is_poor = isinstance(found, Plan) and found.gap > _NEARLY
+            if is_poor or isinstance(found, NotConverged):  # else none is known even at rest
                 stopped = first(stop_of(scene, planned), None)
-                other = stopped and self.improved(scene, stopped)
-                known = quicker(known, other) if known and other else other or known
-            found = first(under_way, known) or known or found
+                found = better(found, self.improved(scene, stopped)) if stopped else found
+            found = first(under_way, found if isinstance(found, Plan) else None) or found
         return or_raise(found)
 
     def _onto_belt(self, scene: Scene, found: Plan | DeltaOptError) -> Plan | DeltaOptError:
