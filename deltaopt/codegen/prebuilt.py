@@ -26,7 +26,7 @@ FOLDER = Path(__file__).with_name("prebuilt")
 _PROBE = "runs_here"
 """Name of the library, and of its function, that says whether this processor has a level."""
 
-_OLD_LIBC = Path(__file__).with_name("old_libc.c").read_text()
+_OLD_LIBC = Path(__file__).with_name("old_libc.c")
 """Asks for the names of functions that every glibc has: those of 2.29 return the same numbers."""
 
 
@@ -59,9 +59,10 @@ def prebuild(sources: Collection[str], folder: Path, compiler: Compiler) -> None
 
     Raises DeltaOptError if the compiler fails.
     """
+    old_libc = _OLD_LIBC.read_text()
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         todo = [
-            pool.submit(_compile, _OLD_LIBC + s, _library(folder, v, s), v, compiler)
+            pool.submit(_compile, old_libc + s, _library(folder, v, s), v, compiler)
             for v in LEVELS
             for s in sources
         ]

@@ -39,7 +39,9 @@ _LEAD = 0.03
 """Of a panel's width, from the end of a line to a name that is moved away from it."""
 _SHADES = 128
 """Colours of a PNG: enough for smooth edges, at a third of the size of all colours."""
-_STYLE = Path(__file__).with_name("charts.mplstyle")
+_STYLE = mpl.rc_params_from_file(
+    Path(__file__).with_name("charts.mplstyle"), use_default_template=False
+)
 _DRAWING = threading.RLock()
 """One thread draws at a time: Matplotlib's style and its text belong to the whole process."""
 
@@ -53,7 +55,7 @@ def figure(file: Path, width: float, height: float, message: str = "") -> Iterat
     The format follows the file's suffix: png, pdf or svg. If an error is raised in between, the
     file stays as it was.
     """
-    with _DRAWING, mpl.rc_context(fname=_STYLE), atomic_write(file) as temporary:
+    with _DRAWING, mpl.rc_context(_STYLE), atomic_write(file) as temporary:
         drawn = Figure(figsize=(width, height), dpi=_DOTS, layout="constrained")
         if message:
             title = fill(_UNIT.sub("\N{NO-BREAK SPACE}", verbatim(message)), int(_LETTERS * width))

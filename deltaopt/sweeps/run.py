@@ -178,8 +178,8 @@ def _of_legs(legs: tuple[Plan, ...], judged: tuple[Verification, ...]) -> Row:
     shares, seconds = list[float](), dict[str, float]()
     for leg in legs:
         problem, motion = problem_of(leg.scene), leg.trajectory
-        for (limit, _), own in share_curves(problem, motion, _WITHIN).items():
-            shares += [np.abs(own).max()] if limit == "torque" else []
+        curves = share_curves(problem, motion, _WITHIN)
+        shares += [np.abs(own).max() for (limit, _), own in curves.items() if limit == "torque"]
         for each in active_limits(problem, motion):
             name = f"{each.limit} of {each.subject}"
             seconds[name] = seconds.get(name, 0.0) + each.share * motion.duration

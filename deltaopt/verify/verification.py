@@ -205,8 +205,11 @@ class Verification:
         }
         content["singularities"] = {
             distance.name: {
-                name: finite(getattr(distance, name))
-                for name in ("least", "formula", "unit", "subject", "t")
+                "least": finite(distance.least),
+                "formula": distance.formula,
+                "unit": distance.unit,
+                "subject": distance.subject,
+                "t": distance.t,
             }
             for distance in self.distances
         }
