@@ -214,7 +214,7 @@ def _by_state(functions: Functions) -> ca.Function:
     """(x, v, τ, p) -> ∂a/∂(x, v), 3 × 6: in scalars, which are evaluated five times as fast."""
     x, v, tau = (ca.SX.sym(name, 3) for name in ("x", "v", "tau"))
     p = functions.symbols()
-    a = functions.forward_dynamics(x, v, tau, p)
+    a = functions.explicit_acceleration(x, v, tau, p)
     derivatives = ca.horzcat(ca.jacobian(a, x), ca.jacobian(a, v))
     return ca.Function("by_state", [x, v, tau, p], [derivatives], {"cse": True})
 
