@@ -127,6 +127,16 @@ def test_the_rest_of_an_optimal_motion_is_optimal(across, share):
     assert found.duration + share * across.duration >= across.duration / (1 + across.gap)
 
 
+@pytest.mark.parametrize("share", [0.7, 0.9])
+def test_a_state_that_lies_ahead_is_passed_at_once_and_not_after_a_loop(share):
+    """The rest of an optimal motion begun a little slower takes hardly longer."""
+    whole = plan(PASSED)
+    now = whole.trajectory(share * whole.duration)
+    start = State(at=tuple(now.x), velocity=tuple(0.95 * now.v))
+    found = plan(PASSED.model_copy(update={"start": start}))
+    assert found.duration == pytest.approx((1 - share) * whole.duration, rel=0.01)
+
+
 def test_a_belt_that_moves_away_is_met_as_soon_as_its_place_can_be_reached():
     found = plan(BELT)
     end = found.trajectory(found.duration)

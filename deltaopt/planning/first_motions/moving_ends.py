@@ -41,6 +41,10 @@ _RESOLVED = 1e-11
 """A way that is none, m: of a motion that ends at the goal, or at rest, but for rounding."""
 _NEARLY = 1.2
 """Excess over its limits with which a guess is good enough: the optimum bends away from it."""
+_QUICK, _MUCH = 1.9, 0.6
+"""Excess of a quick guess, and of what share of the usual one's duration it takes less. What lies
+ahead of a moving start is passed at once, which takes a quintic half as much torque again as the
+fastest motion, or after a loop, near which that is slow."""
 
 States = Callable[[float], tuple[Boundary, Boundary]]
 """Duration (s) -> the states that a motion of that duration begins and ends in."""
@@ -52,15 +56,18 @@ time since a piece began, (n, pieces, powers, 3), m, and their lengths, (n, piec
 def first_moving_motions(
     scene: Scene, under_way: PiecewisePolynomial | None, most: float = _NEARLY
 ) -> Iterator[Proposal]:
-    """First guesses, the best first: a quintic; the motion under way to its end and on from there
-    to the goal, where one is under way; a stop, and on from there; a stop, from rest to rest to
-    where a run-up to the goal begins, and that.
+    """First guesses, the best first: a quintic that is much quicker than others, if there is one; a
+    quintic; the motion under way to its end and on from there to the goal, where one is under way;
+    a stop, and on from there; a stop, from rest to rest to where a run-up to the goal begins, and
+    that.
 
     ``under_way``: what would follow the start, from the time 0 on, m over s. ``most``: of the
     limits they take at samples, if that is possible; between two rests not more than all.
     """
     task = scene.task
-    direct = from_state_to_state(scene, most)
+    direct, quick = from_state_to_state(scene, most), straight_on(scene)
+    if direct and quick and quick.duration < _MUCH * direct.duration:
+        yield Proposal("a quick quintic", quick)
     if direct is not None:
         yield Proposal("a quintic", direct)
     for motion in _waiting(scene, most):
@@ -87,9 +94,30 @@ def stopping(scene: Scene, most: float = _NEARLY) -> Trajectory | None:
 def from_state_to_state(scene: Scene, most: float = _NEARLY) -> Trajectory | None:
     """The shortest quintic that nearly keeps the limits at samples, to ``most`` of them, or the one
     that exceeds them least; None if none stays within reach."""
+    return shortest_to_goal(scene, _direct(scene), most)
+
+
+def straight_on(scene: Scene) -> Trajectory | None:
+    """The shortest quintic of which the excess is that of a quick guess, or the one that exceeds
+    limits least, looked for near the duration too in which the mean of the velocities at its ends
+    leads to the goal; None if none stays within reach."""
     start, goal = scene.task.start, scene.task.goal
-    quintics = _quintics(lambda T: (start, goal.at(T, _stopped(start, T))))
-    return shortest_to_goal(scene, quintics, most)
+
+    def off(T: float) -> Array:
+        end = goal.at(T, _stopped(start, T))
+        mean = np.add(start.velocity, end.velocity) / 2
+        return np.asarray(np.subtract(end.position, start.position) - T * mean)
+
+    way, nearer = off(0.0), off(0.0) - off(1.0)
+    T = float(way @ nearer) / max(float(nearer @ nearer), 1e-300)
+    durations = np.union1d(_COARSE, [T] if T > 0 else [])
+    return shortest_of(scene, _direct(scene), durations, most=_QUICK)
+
+
+def _direct(scene: Scene) -> Family:
+    """The quintics from start to goal."""
+    start, goal = scene.task.start, scene.task.goal
+    return _quintics(lambda T: (start, goal.at(T, _stopped(start, T))))
 
 
 def shortest_to_goal(scene: Scene, family: Family, most: float = _NEARLY) -> Trajectory | None:
