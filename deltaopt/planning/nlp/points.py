@@ -9,7 +9,6 @@ and formulation.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -79,11 +78,15 @@ class Layout:
     names: tuple[str, ...] = ()
 
     def matrix(self, n_variables: int) -> ca.DM:
-        """The matrix L, (rows, n_variables)."""
+        """The matrix L, (rows, n_variables): weights of equal places add up, zeros are left out."""
         rows = np.repeat(np.arange(len(self.columns)), self.columns.shape[1])
-        return _sparse(
-            rows, self.columns.ravel(), self.weights.ravel(), len(self.columns), n_variables
-        )
+        columns, weights = self.columns.ravel(), self.weights.ravel()
+        kept = weights != 0
+        numbers = columns[kept] * len(self.columns) + rows[kept]
+        places, target = np.unique(numbers, return_inverse=True)
+        sums = np.bincount(target, weights=weights[kept], minlength=len(places))
+        at = (places % len(self.columns)).tolist(), (places // len(self.columns)).tolist()
+        return ca.DM.triplet(*at, ca.DM(sums), len(self.columns), n_variables)
 
 
 @dataclass(frozen=True)
@@ -124,104 +127,20 @@ class Points:
         return [f"{self.function.name} {j + 1} at {place}" for place in when for j in range(nr)]
 
 
-Entries = tuple[Points, ca.Sparsity, ca.MX]
-"""Derivatives at points: the sparsity at one point, and the nonzeros at all, point by point."""
-
-
 def derived_at(
     points: Points, z: ca.MX, p: ca.MX, multipliers: ca.MX
-) -> tuple[ca.MX, Entries, Entries]:
+) -> tuple[ca.MX, ca.MX, ca.MX]:
     """Of a point function at all points, with ``multipliers`` of its rows, (rows, points): its
-    rows, (rows, points), its Jacobians and its Hessians."""
-    n = points.number
-    y = ca.reshape(ca.mtimes(points.layout.matrix(z.numel()), z), -1, n)
+    rows, (rows, points), the Jacobian of these by z, point by point, and the Hessian by z of their
+    sum times the multipliers. Of those by y each point has a block on the diagonal."""
+    n, layout = points.number, points.layout.matrix(z.numel())
+    y = ca.reshape(ca.mtimes(layout, z), -1, n)
     ps = ca.repmat(p[points.function.own], 1, n)
     (jacobian, J_sparsity), (hessian, H_sparsity) = points.function.derivatives
     r, J = jacobian.map(n)(y, ps)
     H = hessian.map(n)(y, ps, multipliers)
-    return r, (points, J_sparsity, ca.vec(J)), (points, H_sparsity, ca.vec(H))
-
-
-def assemble_rows(
-    linear: Layout, of: Sequence[Points], z: ca.MX, p: ca.MX, multipliers: ca.MX
-) -> tuple[ca.MX, ca.MX, list[Entries]]:
-    """Assemble all rows, linear ones first, their Jacobian, and the Hessians at the points of the
-    rows times ``multipliers``, which ``assemble_hessian`` takes."""
-    G = linear.matrix(z.numel())
-    rows, slopes, curvature = [ca.mtimes(G, z)], list[Entries](), list[Entries]()
-    first = len(linear.columns)
-    for points in of:
-        N, nr = points.number, points.rows
-        own = ca.reshape(multipliers[first : first + N * nr], nr, N)
-        r, J, H = derived_at(points, z, p, own)
-        rows.append(ca.vec(r))
-        slopes.append(J)
-        curvature.append(H)
-        first += N * nr
-    return ca.vertcat(*rows), assemble_jacobian(G, slopes, z.numel()), curvature
-
-
-def assemble_jacobian(G: ca.DM, slopes: Sequence[Entries], n: int) -> ca.MX:
-    """The Jacobian of all rows: the linear rows G, then each point's Jacobian times its layout."""
-    blocks = [ca.MX(G)]
-    for points, sparsity, nonzeros in slopes:
-        a, b = (np.array(i, dtype=np.intp) for i in sparsity.get_triplet())
-        layout, N = points.layout, points.number
-        ny, nr, k = sparsity.size2(), sparsity.size1(), layout.columns.shape[1]
-        at = np.arange(N)[:, None]
-        y = at * ny + b  # (N, nnz)
-        rows = np.broadcast_to((at * nr + a)[..., None], (N, len(a), k))
-        source = np.broadcast_to(np.arange(N * len(a)).reshape(N, -1)[..., None], rows.shape)
-        blocks.append(
-            _scatter(rows, layout.columns[y], source, layout.weights[y], nonzeros, (N * nr, n))
-        )
-    return ca.vertcat(*blocks)
-
-
-def assemble_hessian(curvature: Sequence[Entries], n: int) -> ca.MX:
-    """The upper triangle of Σ Lᵀ H L over all points."""
-    total = ca.MX(n, n)
-    for points, sparsity, nonzeros in curvature:
-        a, b = (np.array(i, dtype=np.intp) for i in sparsity.get_triplet())
-        layout, N = points.layout, points.number
-        ny, k = sparsity.size1(), layout.columns.shape[1]
-        at = np.arange(N)[:, None]
-        ya, yb = at * ny + a, at * ny + b  # (N, nnz)
-        shape = (N, len(a), k, k)
-        rows = np.broadcast_to(layout.columns[ya][..., :, None], shape)
-        columns = np.broadcast_to(layout.columns[yb][..., None, :], shape)
-        weights = layout.weights[ya][..., :, None] * layout.weights[yb][..., None, :]
-        source = np.broadcast_to(np.arange(N * len(a)).reshape(N, -1)[..., None, None], shape)
-        upper = np.where(rows <= columns, weights, 0.0)
-        total += _scatter(rows, columns, source, upper, nonzeros, (n, n))
-    return total
-
-
-def _scatter(
-    rows: Index,
-    columns: Index,
-    source: Index,
-    weights: Array,
-    values: ca.MX,
-    shape: tuple[int, int],
-) -> ca.MX:
-    """The sparse matrix of a shape with the sums of weights · values[source] at (rows, columns)."""
-    keep = weights.ravel() != 0
-    rows, columns = rows.ravel()[keep], columns.ravel()[keep]
-    # Column-major order is that of CasADi's nonzeros.
-    places, target = np.unique(columns * shape[0] + rows, return_inverse=True)
-    at = (places % shape[0]).tolist(), (places // shape[0]).tolist()
-    sparsity = ca.Sparsity.triplet(*shape, *at)
-    combine = _sparse(
-        target, source.ravel()[keep], weights.ravel()[keep], len(places), values.numel()
+    by_y, twice_by_y = (
+        ca.MX(ca.diagcat(*[sparsity] * n), ca.vec(nonzeros))
+        for sparsity, nonzeros in ((J_sparsity, J), (H_sparsity, H))
     )
-    return ca.MX(sparsity, ca.mtimes(combine, values))
-
-
-def _sparse(rows: Index, columns: Index, values: Array, n_rows: int, n_columns: int) -> ca.DM:
-    """A sparse matrix from triplets; equal places add up, zeros are left out."""
-    keep = values != 0
-    places, target = np.unique(columns[keep] * n_rows + rows[keep], return_inverse=True)
-    sums = np.bincount(target, weights=values[keep], minlength=len(places))
-    at = (places % n_rows).tolist(), (places // n_rows).tolist()
-    return ca.DM.triplet(*at, ca.DM(sums), n_rows, n_columns)
+    return r, ca.mtimes(by_y, layout), ca.mtimes([layout.T, twice_by_y, layout])

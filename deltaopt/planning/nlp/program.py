@@ -2,7 +2,7 @@
 
     minimise  c · z   subject to   l ≤ z ≤ u,   G z = 0,   l_i ≤ r(y_i, p) ≤ u_i,   y_i = L_i z
 
-The functions r, their arguments and what they assemble to are in `points`.
+The functions r, their arguments and their derivatives by z are in `points`.
 """
 
 from __future__ import annotations
@@ -19,15 +19,7 @@ import numpy as np
 from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.errors import NotConverged
 from deltaopt.interrupts.requests import interrupts_not_lost
-from deltaopt.planning.nlp.points import (
-    Entries,
-    Layout,
-    Points,
-    assemble_hessian,
-    assemble_jacobian,
-    assemble_rows,
-    derived_at,
-)
+from deltaopt.planning.nlp.points import Layout, Points, derived_at
 
 Options = dict[str, str | float | int | bool]
 
@@ -183,18 +175,28 @@ class IpoptProgram:
         np_ = self.points[0].function.function.size1_in(1)
         z, p = ca.MX.sym("z", self._n), ca.MX.sym("p", np_)
         lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(self._lower_rows))
-        f, gradient = ca.dot(ca.DM(cost), z), ca.MX(ca.DM(cost))
-        g, jac, curvature = assemble_rows(self.linear, self.points, z, p, lam_g)
+        G = self.linear.matrix(self._n)
+        f, gradient, hessian = ca.dot(ca.DM(cost), z), ca.MX(ca.DM(cost)), ca.MX(self._n, self._n)
+        g, jac, first = [ca.mtimes(G, z)], [ca.MX(G)], G.shape[0]
+        for each in self.points:
+            end = first + each.number * each.rows
+            own = ca.reshape(lam_g[first:end], each.rows, each.number)
+            r, slope, curved = derived_at(each, z, p, own)
+            g.append(ca.vec(r))
+            jac.append(slope)
+            hessian += curved
+            first = end
         if running is not None:
-            value, slope, curved = _running(running, z, p, lam_f)
-            f, gradient = f + value, gradient + slope
-            curvature.append(curved)
-        hess = assemble_hessian(curvature, self._n)
-        program = {"x": z, "p": p, "f": f, "g": g}
+            weights = ca.DM(running.weights).T
+            r, slope, curved = derived_at(running.points, z, p, lam_f * weights)
+            f += ca.dot(weights, r)
+            gradient += ca.densify(ca.mtimes(weights, slope)).T
+            hessian += curved
+        program = {"x": z, "p": p, "f": f, "g": ca.vertcat(*g)}
         functions = {
             "grad_f": ca.Function("nlp_grad_f", [z, p], [f, gradient]),
-            "jac_g": ca.Function("nlp_jac_g", [z, p], [g, jac]),
-            "hess_lag": ca.Function("nlp_hess_l", [z, p, lam_f, lam_g], [hess]),
+            "jac_g": ca.Function("nlp_jac_g", [z, p], [program["g"], ca.vertcat(*jac)]),
+            "hess_lag": ca.Function("nlp_hess_l", [z, p, lam_f, lam_g], [ca.triu(hessian)]),
         }
         self.jacobian = functions["jac_g"]
         return ca.nlpsol("nlp", "ipopt", program, {**functions, **IPOPT, **options})
@@ -207,15 +209,3 @@ class IpoptProgram:
             f"Ipopt stopped after {stats['iter_count']} iterations: {stats['return_status']}; "
             f"worst constraint: {self.row_names[worst]}, violated by {violation[worst]:.1e}"
         )
-
-
-def _running(
-    running: RunningCost, z: ca.MX, p: ca.MX, lam_f: ca.MX
-) -> tuple[ca.MX, ca.MX, Entries]:
-    """Value, gradient (dense) and the points' Hessians of a running cost."""
-    weights = ca.DM(running.weights).T
-    r, (points, sparsity, J), H = derived_at(running.points, z, p, lam_f * weights)
-    nnz = sparsity.nnz()
-    weighted = ca.vec(ca.reshape(J, nnz, points.number) * ca.repmat(weights, nnz, 1))
-    rows = assemble_jacobian(ca.DM(0, z.numel()), [(points, sparsity, weighted)], z.numel())
-    return ca.dot(weights, r), ca.densify(ca.sum1(rows)).T, H
