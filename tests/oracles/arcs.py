@@ -231,10 +231,14 @@ class ArcProblem:
         """A at all nodes, (n, degree + 1, 3)."""
         return np.asarray(z[self._accelerations[..., None] + np.arange(3)])
 
-    def control_multipliers(self, solution: IpoptSolution) -> Array:
-        """Multipliers of the torques' bounds at the nodes, (n, degree + 1, 3)."""
+    def control_multipliers(self, solution: IpoptSolution, p: Array) -> Array:
+        """Multipliers of the torques' bounds at the nodes, (n, degree + 1, 3), by stationarity of
+        the Lagrangian: Ipopt leaves variables that are fixed out of its problem."""
+        slopes = [self.program._solver.get_function(f"nlp_{name}") for name in ("grad_f", "jac_g")]
+        gradient, J = (slope(solution.z, p)[1] for slope in slopes)
+        of_bounds = -(gradient + J.T @ solution.row_multipliers).full().ravel()
         at = self._torques[..., None] + np.arange(3)
-        return np.asarray(solution.bound_multipliers[at])
+        return np.asarray(of_bounds[at])
 
     def _node_layout(self) -> Layout:
         """y = (X, V, A, τ, 1) at every node."""

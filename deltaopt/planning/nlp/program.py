@@ -16,7 +16,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from deltaopt.curves.piecewise import Array, Truths
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import NotConverged
 from deltaopt.interrupts.requests import interrupts_not_lost
 from deltaopt.planning.nlp.points import Layout, Points, derived_at
@@ -71,7 +71,8 @@ class RunningCost:
 
 @dataclass(frozen=True)
 class IpoptSolution:
-    """A solution by Ipopt: the variables ``z``, the multipliers of their bounds and of the rows.
+    """A solution by Ipopt: the variables ``z``, the multipliers of their bounds, unless these fix
+    them, and of the rows.
 
     A multiplier is positive where an upper bound is active, negative where a lower one is.
     ``seconds``: wall time, of which ``evaluation_seconds`` in CasADi's functions.
@@ -92,11 +93,9 @@ class IpoptProgram:
     ``cost``: the vector c, (n,). ``linear``: layout of the rows G z = 0. ``points``: the nonlinear
     rows. ``options``: of Ipopt, where they differ from ``IPOPT``. ``running``: a running cost.
 
-    ``jacobian``: (z, p) -> all rows and their Jacobian. A program is solved by one thread at a
-    time, since its solver remembers the last call; every plan builds its own.
+    A program is solved by one thread at a time, since its solver remembers the last call; every
+    plan builds its own.
     """
-
-    jacobian: ca.Function
 
     def __init__(
         self,
@@ -152,7 +151,7 @@ class IpoptProgram:
             )
         return IpoptSolution(
             z=z,
-            bound_multipliers=self._bound_multipliers(result, lower == upper, p),
+            bound_multipliers=np.asarray(result["lam_x"].full()).ravel(),
             row_multipliers=np.asarray(result["lam_g"].full()).ravel(),
             status=stats["return_status"],
             iterations=stats["iter_count"],
@@ -161,15 +160,6 @@ class IpoptProgram:
                 t for name, t in stats.items() if name.startswith("t_wall_nlp_")
             ),
         )
-
-    def _bound_multipliers(self, result: dict[str, ca.DM], fixed: Truths, p: Array) -> Array:
-        """Multipliers of the variables' bounds, (n,): Ipopt's, or by stationarity of the Lagrangian
-        for variables that are fixed, which Ipopt leaves out of its problem."""
-        multipliers = np.asarray(result["lam_x"].full()).ravel()
-        gradient = self._solver.get_function("nlp_grad_f")(result["x"], p)[1]
-        jacobian = self.jacobian(result["x"], p)[1]
-        rest = -(gradient + jacobian.T @ result["lam_g"]).full().ravel()
-        return np.where(fixed, rest, multipliers)
 
     def _build(self, cost: Array, options: Options, running: RunningCost | None) -> ca.Function:
         np_ = self.points[0].function.function.size1_in(1)
@@ -198,7 +188,6 @@ class IpoptProgram:
             "jac_g": ca.Function("nlp_jac_g", [z, p], [program["g"], ca.vertcat(*jac)]),
             "hess_lag": ca.Function("nlp_hess_l", [z, p, lam_f, lam_g], [ca.triu(hessian)]),
         }
-        self.jacobian = functions["jac_g"]
         return ca.nlpsol("nlp", "ipopt", program, {**functions, **IPOPT, **options})
 
     def _failure(self, stats: dict[str, object], g: Array) -> str:

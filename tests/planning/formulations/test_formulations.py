@@ -198,7 +198,7 @@ def active_rank(problem, solution, task):
     """How many rows of the Jacobian hold with equality at a solution, and their rank, which is
     smaller if rows depend on each other. Variables that a bound holds do not count."""
     program = problem.program(FAR)
-    _, J = program.jacobian(solution.z, task.p)
+    _, J = program._solver.get_function("nlp_jac_g")(solution.z, task.p)
     lower, upper = program.rows
     least, most = problem.bounds(task)
     free = (least < most) & ~(np.abs(solution.bound_multipliers) > 1e-4)

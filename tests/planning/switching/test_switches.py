@@ -139,7 +139,7 @@ def test_newton_and_ipopt_find_the_same_switches():
         problem.interval_lengths(other.z)[:, None, None]
         * conditions.mesh.polynomials.quadrature[:, None]
     )
-    ipopts = np.abs(problem.control_multipliers(other)) / weight
+    ipopts = np.abs(problem.control_multipliers(other, p)) / weight
     np.testing.assert_allclose(np.abs(multipliers), ipopts, atol=1e-4)
 
 
