@@ -9,23 +9,17 @@ intersected, and the largest is taken.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 
 import numpy as np
 
-from deltaopt.curves.bernstein import to_bernstein
 from deltaopt.curves.piecewise import Array
 
 Excesses = Callable[[Array], Array]
 """Speeds (S,) -> excesses (S, n), positive where a bound is exceeded."""
 
-_ALLOWED = 1e-13
-"""Excess that counts as none: rounding of a root, of quantities of the order of one."""
-_ROUNDED = 1 - np.array([0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-10, 1e-8])
-"""Shares of a root that are tried: the root itself may be unsafe by rounding."""
 _TRIED, _SLOWEST = 400, 1e-6
-"""How many speeds are tried at first where excesses are no polynomials, and the least of them. Safe
-speeds between two tried ones, 3.5 % apart, may be missed: then the result is a lower safe speed."""
+"""How many speeds are tried where those are unsafe that are tried first, and the least. Safe speeds
+between two tried ones, 3.5 % apart, may be missed: then the result is a lower safe speed."""
 _NEARLY_ALL = 1 - np.append(0.0, 2.0 ** np.arange(-25.0, -1.0))
 """Shares of the largest speed that are tried first of all: most motions are to be slowed little."""
 _ABOUT = np.concatenate([-(8.0 ** -np.arange(1.0, 17.0)), [0.0], 8.0 ** -np.arange(16.0, 0.0, -1)])
@@ -34,49 +28,7 @@ as shares of the interval: ever closer to it, since it is nearly right once the 
 """
 
 
-def largest_by_roots(excesses: Excesses, most: float, degree: int = 4) -> float | None:
-    """The largest safe speed, no more than ``most``, of excesses that are polynomials of the speed
-    of a ``degree`` at most: ``most`` or one of their roots. None if there is none."""
-    nodes, to_powers = _fit(degree)
-    fitted = np.einsum("pn,nc->pc", to_powers, excesses(most * nodes))
-    # A polynomial stays in the convex hull of its Bernstein form: these are positive nowhere.
-    never_positive = np.asarray((to_bernstein(degree) @ fitted <= 0).all(axis=0))
-    coefficients = np.asarray(fitted[:, np.logical_not(never_positive)], float)
-    candidates = np.outer(np.append(1.0, _roots(coefficients)), _ROUNDED).ravel()
-    values: Array = np.zeros((len(candidates), coefficients.shape[1]))
-    for coefficient in coefficients[::-1]:  # Horner
-        values = values * candidates[:, None] + coefficient
-    safe = candidates[(values <= _ALLOWED).all(axis=1)]
-    return most * float(safe.max()) if len(safe) else None
-
-
-@cache
-def _fit(degree: int) -> tuple[Array, Array]:
-    """Shares of the largest speed, (degree + 1,), and the matrix from values there to the
-    coefficients of the polynomial."""
-    nodes = np.linspace(0.0, 1.0, degree + 1)
-    inverse = np.linalg.inv(np.vander(nodes, increasing=True))
-    return nodes, np.round(30 * inverse) / 30  # as they are, of degree 4 and 6
-
-
-def _roots(coefficients: Array) -> Array:
-    """The real roots between 0 and 1 of polynomials, (powers, n), all in one array.
-
-    Their inverses are eigenvalues of companion matrices, in which a highest power that is missing
-    makes an eigenvalue zero, and so does no harm.
-    """
-    constant = coefficients[0]
-    constant = np.where(np.abs(constant) < _ALLOWED, -_ALLOWED, constant)
-    degree = len(coefficients) - 1
-    companion = np.zeros((coefficients.shape[1], degree, degree))
-    companion[:, 0] = -(coefficients[1:] / constant).T
-    companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1
-    inverse = np.linalg.eigvals(companion).ravel()
-    real = inverse.real[np.abs(inverse.imag) <= 1e-6 * np.abs(inverse)]
-    return np.asarray(1 / real[real > 1])
-
-
-def largest_by_trying(excesses: Excesses, most: float) -> float | None:
+def largest_safe_speed(excesses: Excesses, most: float) -> float | None:
     """A safe speed, no more than ``most``, found by comparing ever closer ones, the largest unless
     safe speeds lie between two that are tried; None if none is found."""
     for speeds in (most * _NEARLY_ALL, most * np.geomspace(_NEARLY_ALL[-1], _SLOWEST, _TRIED)):

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from math import factorial, inf, isfinite
 
 import numpy as np
@@ -37,7 +36,7 @@ from deltaopt.motion.loads import (
     has_layers,
     loads_along,
 )
-from deltaopt.motion.safe_speeds import largest_by_roots, largest_by_trying
+from deltaopt.motion.safe_speeds import largest_safe_speed
 from deltaopt.motion.sure_bounds import sure_excess
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.problem import Problem
@@ -158,8 +157,6 @@ def _factor_by_exchange(
     """
     changes = exponents_in(problem) != 0
     layered = has_layers(problem)
-    degree = 2 * problem.limits.constraints.order  # of the square of a norm
-    largest = largest_by_trying if layered else partial(largest_by_roots, degree=degree)
     closely = layered and at_least > 0
     speed, highest = _where_to_begin(at_least, looked_at, changes, closely)
     instants = _Instants.none(problem, trajectory)
@@ -171,7 +168,7 @@ def _factor_by_exchange(
             return inf, highest
         if beyond.any():
             instants = instants.joined_by(highest.intervals[beyond], highest.fractions[beyond])
-            slower = largest(instants.excesses, speed)
+            slower = largest_safe_speed(instants.excesses, speed)
             if slower is None:
                 return inf, looked_at(speed, True)
             speed = slower * (1 - _moved(1 - slower / speed)) if layered else slower
