@@ -11,7 +11,7 @@ import pytest
 from deltaopt.compare.plans.measures import independent
 from deltaopt.compare.plans.study import at_switches
 from deltaopt.planning.flat.constraint_rows import ByOrder
-from deltaopt.planning.formulations.collocation import FAR, NEAR
+from deltaopt.planning.formulations.collocation import FAR, NEAR, CollocationProblem
 from deltaopt.planning.formulations.equations import (
     explicit_equations,
     flat_equations,
@@ -66,7 +66,7 @@ def continued(scene, formulation, regularisation=None, meshes=3):
     equations = interpreted(FORMULATIONS[formulation](c.system))
     mesh, guess, iterations = np.full(20, 0.05), c.guess, []
     for options in (FAR, NEAR, NEAR)[:meshes]:
-        problem = equations.on(mesh, PiecewiseAcceleration())
+        problem = CollocationProblem(equations, PiecewiseAcceleration(), mesh)
         if regularisation is not None:
             problem = replace(problem, regularisation=regularisation)
         z, bounds = problem.pack(guess, c.task), problem.bounds(c.task)

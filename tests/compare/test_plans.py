@@ -16,7 +16,7 @@ from deltaopt.compare.plans.study import METHODS, compare_plans
 from deltaopt.mechanisms.five_bar import five_bar, inverse_kinematics
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.formulations.collocation import FAR
+from deltaopt.planning.formulations.collocation import FAR, CollocationProblem
 from deltaopt.planning.formulations.equations import flat_equations
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.plots.plans import draw
@@ -93,7 +93,7 @@ def test_compiled_and_interpreted_functions_give_the_same_solution():
     equations = flat_equations(c.system)
     durations = []
     for e in (equations, interpreted(equations)):
-        problem = e.on(np.full(6, 1 / 6), PiecewiseAcceleration())
+        problem = CollocationProblem(e, PiecewiseAcceleration(), np.full(6, 1 / 6))
         guess = problem.pack(c.guess, c.task)
         solution = problem.program(FAR).solve(guess, *problem.bounds(c.task), c.task.p)
         durations.append(solution.z[-1])

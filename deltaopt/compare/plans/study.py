@@ -172,7 +172,8 @@ class _Solver:
 
     def solve(self, mesh: Array, guess: PiecewisePolynomial) -> _Solved:
         """From the case's own guess, which is far, or from a solution, which is near."""
-        task, problem = self.case.task, self.equations.on(mesh, self.method.transcription)
+        task, transcription = self.case.task, self.method.transcription
+        problem = CollocationProblem(self.equations, transcription, mesh)
         program = problem.program(FAR if guess is self.case.guess else NEAR)
         solution = program.solve(problem.pack(guess, task), *problem.bounds(task), task.p)
         motion = independent(self.case, problem, problem.unpack(solution.z, task))

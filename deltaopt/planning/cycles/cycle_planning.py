@@ -83,11 +83,12 @@ def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePla
     prices, shortest = sought.first(fastest), None
     if cycle.period is not None and not sought.is_kept(fastest):
         free = PricedLegs(cycle.model_copy(update={"period": None}), tolerance)
-        shortest = if_possible(NO_PLAN, _planned, free, free.without_waits(fastest), tell)
+        begun = replace(fastest, cycle=free.cycle, dwells=cycle.least_dwells)
+        shortest = if_possible(NO_PLAN, _planned, free, begun, tell)
     if shortest is not None:
         require_long_enough(cycle, shortest, shortest.gap)
         sought, prices = sought.near_least(fastest, shortest)
-        near = sought.in_period(shortest)
+        near = sought.with_waits(replace(shortest, cycle=cycle))
         best = sought.slowed(near)
     slopes = np.eye(len(prices))
     afresh = True

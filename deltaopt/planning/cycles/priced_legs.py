@@ -151,15 +151,7 @@ class PricedLegs:
             begins += leg.duration + dwell
             start = cycle.after(index, leg.reached)
         found = CyclePlan(cycle, tuple(legs), dwells, tolerance=self.tolerance)
-        return found if cycle.period is None else self._with_waits(found)
-
-    def without_waits(self, found: CyclePlan) -> CyclePlan:
-        """A cycle of the same legs, however long its period, with the least dwells."""
-        return replace(found, cycle=self.cycle, dwells=self.cycle.least_dwells)
-
-    def in_period(self, least: CyclePlan) -> CyclePlan:
-        """The cycle of least period, which waits for what is left of the given one."""
-        return self._with_waits(replace(least, cycle=self.cycle))
+        return found if cycle.period is None else self.with_waits(found)
 
     def excess(self, found: CyclePlan, spared: float = SPARED) -> Array:
         """How far what has a price is above what is aimed at, in the order of the prices: in the
@@ -195,7 +187,7 @@ class PricedLegs:
         else:
             slowest = self._cool(found)
         factors = dict.fromkeys(np.geomspace(1.0, max(1.0, slowest), _WAITS).tolist())
-        slowed = [(each, self._with_waits(_slower(each, found))) for each in factors]
+        slowed = [(each, self.with_waits(_slower(each, found))) for each in factors]
         for factor, slower in sorted(slowed, key=lambda pair: self.value(pair[1])):
             if self.is_kept(slower) and _may_be_slowed(factor, found):
                 return slower
@@ -265,7 +257,7 @@ class PricedLegs:
         slower = np.exp(np.maximum(over, 0.0) / (3 + at_work / period))
         return np.asarray(slower * at_work + dwelt)
 
-    def _with_waits(self, found: CyclePlan) -> CyclePlan:
+    def with_waits(self, found: CyclePlan) -> CyclePlan:
         """A cycle that waits where that costs the least heat for what is left of a given period, or
         in a free one until its motors are cool, if they become so."""
         dwells = list(self.cycle.least_dwells)

@@ -47,16 +47,6 @@ class ByOrder(NamedTuple):
         """The array of the state limits of order 0 (position) or 1 (velocity)."""
         return self.velocity if order else self.position
 
-    def per_time(self, mesh: Array) -> ByOrder:
-        """Multipliers of the intervals of a mesh per time, (N, m) each, from those at their points,
-        (N, points, m). ``mesh``: lengths of the intervals, (N,)."""
-
-        def of_intervals(each: Array | None) -> Array | None:
-            return None if each is None else np.asarray(each.sum(axis=1) / mesh[:, None])
-
-        control = self.control.sum(axis=1) / mesh[:, None]
-        return ByOrder(control, of_intervals(self.velocity), of_intervals(self.position))
-
 
 @dataclass(frozen=True)
 class StateRows:

@@ -15,7 +15,7 @@ from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.planning.flat.equations import point_equations
 from deltaopt.planning.flat.flat_problem import compiled_flat
-from deltaopt.planning.formulations.collocation import Equations
+from deltaopt.planning.formulations.collocation import CollocationProblem, Equations
 from deltaopt.planning.formulations.delta import DeltaProblem, scaled_delta
 from deltaopt.planning.formulations.equations import (
     explicit_equations,
@@ -71,7 +71,7 @@ class ProblemFormulation(ABC):
 
         def on(mesh: Array) -> DeltaProblem:
             equations = _equations(self, functions, constraints)
-            return DeltaProblem(equations.on(mesh, transcription, cost))
+            return DeltaProblem(CollocationProblem(equations, transcription, mesh, cost))
 
         return on
 

@@ -99,12 +99,6 @@ class Equations:
     acceleration: PointFunction | None = None
     at_knots: PointFunction | None = None
 
-    def on(
-        self, mesh: Array, transcription: PiecewiseAcceleration, cost: Cost = FASTEST
-    ) -> CollocationProblem:
-        """The problem on a mesh of interval lengths, (N,), fractions of the duration."""
-        return CollocationProblem(self, transcription, mesh, cost)
-
 
 def symbols(m: int, unknowns: int) -> tuple[SX, SX, SX, SX, SX, SX]:
     """Symbols for y and its parts X, V, A (m each), the algebraic unknowns and T."""

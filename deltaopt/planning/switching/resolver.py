@@ -87,8 +87,8 @@ class SwitchResolver:
         rows = ByOrder.of(constraints, last.rows[..., held])
         multipliers = None
         if last.has_all_multipliers:
-            found = ByOrder.of(constraints, last.solution.multipliers[..., held])
-            multipliers = found.per_time(last.mesh)
+            of_intervals = last.solution.multipliers[..., held].sum(axis=1)
+            multipliers = ByOrder.of(constraints, of_intervals / last.mesh[:, None])
         for each in settings:
             structure = detect_structure(last.mesh, rows, each, multipliers)
             if structure.limits in tried:

@@ -14,7 +14,7 @@ from deltaopt.compare.plans.measures import quality
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import NotConverged
 from deltaopt.planning.formulations.choice import Redundant
-from deltaopt.planning.formulations.collocation import FAR
+from deltaopt.planning.formulations.collocation import FAR, CollocationProblem
 from deltaopt.planning.formulations.equations import (
     explicit_equations,
     flat_equations,
@@ -58,8 +58,10 @@ def equations(scene, formulation, closure=None):
 def solved(scene, formulation, closure=None, intervals=10):
     """Problem, solution and quality from the baseline."""
     task = case(scene).task
-    problem = equations(scene, formulation, closure).on(
-        np.full(intervals, 1 / intervals), PiecewiseAcceleration()
+    problem = CollocationProblem(
+        equations(scene, formulation, closure),
+        PiecewiseAcceleration(),
+        np.full(intervals, 1 / intervals),
     )
     guess = problem.pack(case(scene).guess, task)
     solution = problem.program(FAR).solve(guess, *problem.bounds(task), task.p)
@@ -105,7 +107,7 @@ def test_the_flat_formulation_is_that_of_the_planner():
     problem = planners_equations(scene)(mesh)
     planners = problem.solve(first_guess(scene, 1e-8), scaling_of(scene))
     c = case("pick_and_place")
-    problem = equations("pick_and_place", "flat").on(mesh, PiecewiseAcceleration())
+    problem = CollocationProblem(equations("pick_and_place", "flat"), PiecewiseAcceleration(), mesh)
     problem = replace(problem, regularisation=0.0)
     z = problem.pack(c.guess, c.task)
     solution = problem.program(FAR).solve(z, *problem.bounds(c.task), c.task.p)
@@ -153,8 +155,11 @@ def least_effort(formulation, closure, degree, intervals):
     p[4] = guess.knots[-1]  # the scale of time
     task = replace(c.task, p=p)
     effort = Cost(time=0.0, running=1 / p[5] ** 2, duration_is_given=True)
-    problem = equations(SMOOTH, formulation, closure).on(
-        np.full(intervals, 1 / intervals), PiecewiseAcceleration(degree, ()), effort
+    problem = CollocationProblem(
+        equations(SMOOTH, formulation, closure),
+        PiecewiseAcceleration(degree, ()),
+        np.full(intervals, 1 / intervals),
+        effort,
     )
     start = problem.pack(guess, task)
     solution = problem.program(FAR).solve(start, *problem.bounds(task), task.p)
@@ -218,8 +223,10 @@ def test_no_active_row_depends_on_others(formulation, scene, closure):
 def test_not_converged_names_constraint_and_time(monkeypatch):
     monkeypatch.setitem(IPOPT, "ipopt.max_iter", 2)
     task = case("pick_and_place").task
-    problem = equations("pick_and_place", "multiplier", KnotConstraints()).on(
-        np.full(4, 0.25), PiecewiseAcceleration()
+    problem = CollocationProblem(
+        equations("pick_and_place", "multiplier", KnotConstraints()),
+        PiecewiseAcceleration(),
+        np.full(4, 0.25),
     )
     guess = problem.pack(case("pick_and_place").guess, task)
     named = (
