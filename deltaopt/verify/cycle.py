@@ -145,8 +145,10 @@ def _riding(scene: Scene, wait: Trajectory) -> Scene:
 
 
 def _holding(scene: Scene, wait: Trajectory) -> Array:
-    """The squared torques that hold the robot where it waits, (3,), N²m²."""
+    """The squared torques that hold the robot where it waits, (3,), N²m², with the payload of a
+    range that makes them larger."""
     x = _state(wait, 0)[:1]
     still = np.zeros_like(x)
-    tau = model_of(scene.robot, scene.payload).inverse_dynamics(x, still, still)
-    return np.asarray(tau[0] ** 2)
+    models = (model_of(each.robot, each.payload) for each in (scene, scene.with_least_payload))
+    held = [each.inverse_dynamics(x, still, still)[0] ** 2 for each in models]
+    return np.asarray(np.max(held, axis=0))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -30,12 +31,13 @@ _NEGLIGIBLE = 1e-12
 class MotorDuty:
     """What a motion asks of one motor, at its arm.
 
-    ``rms_torque``: N·m; ``motor_rms_torque``: the same at the motor, None where the robot does not
-    name motor and gear. ``work_done``: mechanical work in J while its power is positive, and
-    ``work_absorbed`` while it is negative, counted positive. ``peak_power``: the largest, W.
-    ``largest_speed``: rad/s. ``gear_torque``: N·m, the cubic mean of the torque that passes the
-    gear, weighted with speed, (∫ |τ|³ |θ̇| dt / ∫ |θ̇| dt)^(1/3); None without a gear, or if the
-    motor stands still. ``travel``: ∫ |θ̇| dt, rad.
+    ``rms_torque``: N·m, of a range of payloads the larger with one of its ends, which no mass in
+    between exceeds; all else is of the largest. ``motor_rms_torque``: the same at the motor, None
+    where the robot does not name motor and gear. ``work_done``: mechanical work in J while its
+    power is positive, and ``work_absorbed`` while it is negative, counted positive.
+    ``peak_power``: the largest, W. ``largest_speed``: rad/s. ``gear_torque``: N·m, the cubic mean
+    of the torque that passes the gear, weighted with speed, (∫ |τ|³ |θ̇| dt / ∫ |θ̇| dt)^(1/3); None
+    without a gear, or if the motor stands still. ``travel``: ∫ |θ̇| dt, rad.
     """
 
     rms_torque: float
@@ -100,6 +102,17 @@ class Duty:
         if nominal is None:
             return None
         return tuple((motor.gear_torque or 0.0) > nominal for motor in self.motors)
+
+    def with_larger_rms(self, other: Duty) -> Duty:
+        """This duty, with the RMS torque of each motor in ``other``, the same motion with another
+        payload, where that is larger."""
+        pairs = zip(self.motors, other.motors, strict=True)
+        hotter = (max(pair, key=attrgetter("rms_torque")) for pair in pairs)
+        motors = (
+            replace(own, rms_torque=most.rms_torque, motor_rms_torque=most.motor_rms_torque)
+            for own, most in zip(self.motors, hotter, strict=True)
+        )
+        return replace(self, motors=tuple(motors))
 
     def as_dict(self) -> dict[str, object]:
         """All numbers, and what is above its rating, by name."""

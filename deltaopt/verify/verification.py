@@ -308,15 +308,18 @@ def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
     places = (clearance_excess(scene, trajectory), tube_excess(scene, trajectory))
     misplaced = [each for each in places if each is not None]
     excesses = _largest([*motion.excesses().values(), *misplaced])
+    duty = motion.duty()
     if scene.least_payload is not None:
-        excesses = _largest([*excesses.values(), *_with_least_payload(scene, trajectory, excesses)])
+        light = MeasuredMotion(scene.with_least_payload, trajectory)
+        excesses = _largest([*excesses.values(), *_with_least_payload(light, excesses)])
+        duty = duty.with_larger_rms(light.duty())
     if not scene.moves_at_ends:
         is_in_place = all(each.value <= EXCESS for each in misplaced)  # slowing changes no place
         safe_duration = motion.safe_duration() if is_in_place else inf
     measures = {
         "excesses": excesses,
         "distances": motion.distances(),
-        "duty": motion.duty(),
+        "duty": duty,
         "effort": motion.effort(),
         "safe_duration": safe_duration,
     }
@@ -340,13 +343,10 @@ def _largest(excesses: Iterable[Excess]) -> dict[str, Excess]:
     return found
 
 
-def _with_least_payload(
-    scene: Scene, trajectory: Trajectory, heavy: Mapping[str, Excess]
-) -> Iterator[Excess]:
-    """The excesses of all limits with the least payload of a range, by the model with that payload;
-    those of torques by names of their own, as the scene's limits have them."""
-    light = MeasuredMotion(scene.with_least_payload, trajectory).excesses()
-    for excess in light.values():
+def _with_least_payload(light: MeasuredMotion, heavy: Mapping[str, Excess]) -> Iterator[Excess]:
+    """The excesses of all limits with the least payload of a range, by the motion with that
+    payload; those of torques by names of their own, as the scene's limits have them."""
+    for excess in light.excesses().values():
         own = replace(excess, limit=f"{excess.limit} {_LIGHTER.replace('_', ' ')}")
         yield own if own.key in heavy else excess
 

@@ -24,6 +24,7 @@ from deltaopt import (
     plan,
     plan_cycle,
 )
+from deltaopt.motion.running_cost import squared_torques
 from deltaopt.output.cycle_files import verified
 from deltaopt.robot.drive import Friction
 from deltaopt.scene.bodies import Body
@@ -370,3 +371,31 @@ def test_a_looser_limit_of_rms_torque_makes_no_cycle_with_a_belt_longer():
         for r in (0.864336, 0.903624)
     )
     assert loose.period < tight.period
+
+
+def test_rms_torques_are_kept_with_every_mass_of_a_range():
+    """Counterweights hold the arms of a robot that carries a part: without it its motors are the
+    hotter ones. Squared torques are convex in the mass, so that no mass in between is worse."""
+    robot = Robot(
+        name="counterweights",
+        base_radius=0.2,
+        platform_radius=0.045,
+        upper_arm={"length": 0.235, "mass": 8.0, "centre": (-0.15, 0.0), "inertia": 0.05},
+        forearm={"length": 0.8, "mass": 0.2},
+        platform={"mass": 0.3},
+        drive={"torque": 60.0, "speed": 8.0},
+    )
+    with_range = {"robot": robot, "payload": (0.0, 2.0)}
+    there = Scene(start=HERE, goal=THERE, **with_range)
+    back = Scene(start=THERE, goal=HERE, **with_range)
+    found = plan_cycle(Cycle(legs=(there, back), dwells=(1.0, 0.0), rms_torque=9.0), tolerance=0.1)
+    rms = {}
+    for mass in (0.0, 1.0, 2.0):
+        model = deltaopt.DeltaModel(robot, mass or None)
+        parts = (replace(part, model=model) for part in found.trajectory.parts)
+        rms[mass] = np.sqrt(sum(map(squared_torques, parts)) / found.period)
+        assert rms[mass].max() < 9.0 * (1 + 1e-6)
+    assert rms[0.0].max() > rms[2.0].max()
+    verification = verified(found)
+    assert verification.ok
+    assert max(verification.rms_torque) >= rms[0.0].max() * (1 - 1e-9)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
 from typing import Any
@@ -17,6 +17,7 @@ from deltaopt.motion.motion_sequence import MotionSequence, waiting
 from deltaopt.motion.running_cost import squared_torques
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.plan import Plan
+from deltaopt.robot.model import model_of
 from deltaopt.scene.cycle import Cycle
 
 
@@ -98,14 +99,23 @@ class CyclePlan:
 
     @cached_property
     def squares_of_legs(self) -> Array:
-        """∫ τ² dt of each motor over each leg, (legs, 3), N²m²s."""
-        return np.array([squared_torques(plan.trajectory) for plan in self.legs])
+        """∫ τ² dt of each motor over each leg, (legs, 3), N²m²s; of a range of payloads the larger
+        of those with its ends, which no mass in between exceeds."""
+        return np.array([self.squares_with(k, leg.trajectory) for k, leg in enumerate(self.legs)])
 
     @cached_property
     def squares(self) -> Array:
-        """∫ τ² dt of each motor over the period, (3,), N²m²s."""
-        waits = [squared_torques(each) for each in self.waits if each is not None]
+        """∫ τ² dt of each motor over the period, (3,), N²m²s, with payloads as in the legs."""
+        waits = [self.squares_with(k, wait) for k, wait in enumerate(self.waits) if wait]
         return np.asarray(np.sum([*self.squares_of_legs, *waits], axis=0))
+
+    def squares_with(self, index: int, motion: Trajectory) -> Array:
+        """∫ τ² dt of each motor over a motion with the payload of a leg, (3,), N²m²s."""
+        scene, squares = self.legs[index].scene, squared_torques(motion)
+        if scene.least_payload is None:
+            return squares
+        light = model_of(scene.robot, scene.with_least_payload.payload)
+        return np.maximum(squares, squared_torques(replace(motion, model=light)))
 
     @property
     def rms_torque(self) -> Vector3:

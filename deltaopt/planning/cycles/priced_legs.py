@@ -261,7 +261,8 @@ class PricedLegs:
         """A cycle that waits where that costs the least heat for what is left of a given period, or
         in a free one until its motors are cool, if they become so."""
         dwells = list(self.cycle.least_dwells)
-        held = {k: squared_torques(found.wait_after(k, 1.0)) for k in self.cycle.free_dwells}
+        free = self.cycle.free_dwells
+        held = {k: found.squares_with(k, found.wait_after(k, 1.0)) for k in free}
         if self.cycle.period is not None:
             left = max(0.0, round(self.cycle.period - found.at_work, _DIGITS))
             dwells[min(held, key=lambda k: float(held[k] @ self.heat))] += left
@@ -288,13 +289,14 @@ class PricedLegs:
     def _bound(self, at: Round, tried: list[CyclePlan]) -> float:
         time, motors = self.time(at.prices), self.motors(at.prices)
         costs = [
-            time * each.durations + each.squares_of_legs @ motors for each in (at.found, *tried)
-        ]
+            [time * leg.duration + motors @ squared_torques(leg.trajectory) for leg in each.legs]
+            for each in (at.found, *tried)
+        ]  # with the largest payload, whose torques have the prices: any other only adds to heat
         gaps = np.array([leg.gap for leg in at.found.legs])
         least = float((np.min(costs, axis=0) / (1 + gaps)).sum())
-        dwells = replace(at.found, dwells=self.cycle.least_dwells)
-        in_dwells = dwells.squares - dwells.squares_of_legs.sum(axis=0)
-        total = least + time * self.dwelt + float(motors @ in_dwells)
+        waits = replace(at.found, dwells=self.cycle.least_dwells).waits
+        in_dwells = sum(float(motors @ squared_torques(each)) for each in waits if each)
+        total = least + time * self.dwelt + in_dwells
         if self.cycle.period is None:
             return total
         of_period = float(at.prices.sum()) if self.is_time_priced else 1.0
