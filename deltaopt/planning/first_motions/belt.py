@@ -72,8 +72,12 @@ class Meetings:
         return bool(inside and self.possible[nearest])
 
     def within(self, durations: Array) -> Array:
-        """Those of some durations, s, after which it can be met as far as the places tell."""
-        return np.array([each for each in durations.tolist() if self.is_possible_at(each)])
+        """Those of some durations, s, increasing, after which it can be met as far as the places
+        tell."""
+        first, last = np.searchsorted(durations, self.times[[0, -1]])
+        inside = durations[first:last]
+        nearest = np.abs(self.times - inside[:, None]).argmin(axis=1)
+        return np.asarray(inside[self.possible[nearest]])
 
     def require_any(self) -> Meetings:
         """These themselves; raises Infeasible where the belt cannot be met, or not as soon as it is

@@ -1,8 +1,8 @@
 """First motions where an end moves: from a state, to a state, to a belt, or to rest anywhere.
 
 A motion whose end moves cannot be slowed, so that its duration is chosen at once: of quintics
-between both ends the shortest that keeps the limits at samples, or else the one that exceeds them
-least.
+between both ends the shortest that nearly keeps the limits at samples, or else the one that exceeds
+them least.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from deltaopt.robot.model import model_of
 from deltaopt.scene.moving_ends import Belt, End, State
 from deltaopt.scene.scene import Scene
 
-_COARSE = np.array([2.0**k for k in range(-12, 5)])
-"""Durations that are looked at first, s: from motions of a millimetre to those of giants."""
-_FINE = np.array([2.0 ** (k / 6) for k in range(-6, 7)])
-"""Durations that are looked at then, in units of the best of the first."""
+_DURATIONS = 2.0 ** (np.arange(-72, 25) / 6)
+"""Durations that are looked at, s: from motions of a millimetre to those of giants, each an eighth
+longer than the one before. Limits may be kept by few of them alone, and by others only after a
+loop: looked at by powers of two first, those few were passed over."""
 _SAMPLES = np.linspace(0.0, 1.0, 9)
 """Fractions of a quintic at which its limits are looked at: it is only a guess."""
 _SOONEST, _LEAST_WAIT = 3, 1e-3
@@ -39,22 +39,23 @@ _MOST = 100
 """By which factor a mesh may be finer for a motion that waits first. A finer one takes seconds."""
 _RESOLVED = 1e-11
 """A way that is none, m: of a motion that ends at the goal, or at rest, but for rounding."""
-_NEARLY = 1.2
+NEARLY = 1.2
 """Excess over its limits with which a guess is good enough: the optimum bends away from it."""
-_QUICK, _MUCH = 1.9, 0.6
+QUICK, _MUCH = 2.3, 0.6
 """Excess of a quick guess, and of what share of the usual one's duration it takes less. What lies
-ahead of a moving start is passed at once, which takes a quintic half as much torque again as the
-fastest motion, or after a loop, near which that is slow."""
+ahead of a moving start is passed at once or after a loop, near which the usual guess is slow. In
+the time of the fastest motion a quintic or a spline takes about twice as much torque."""
 
 States = Callable[[float], tuple[Boundary, Boundary]]
-"""Duration (s) -> the states that a motion of that duration begins and ends in."""
+"""Duration (s) -> the states that a motion of that duration begins and ends in: with the duration
+places move evenly, and velocities do not change."""
 Family = Callable[[Array], tuple[Array, Array]]
 """Durations (n,), s -> for each a motion in as many pieces: coefficients of ascending powers of the
 time since a piece began, (n, pieces, powers, 3), m, and their lengths, (n, pieces), s."""
 
 
 def first_moving_motions(
-    scene: Scene, under_way: PiecewisePolynomial | None, most: float = _NEARLY
+    scene: Scene, under_way: PiecewisePolynomial | None, most: float = NEARLY
 ) -> Iterator[Proposal]:
     """First guesses, the best first: a quintic that is much quicker than others, if there is one; a
     quintic; the motion under way to its end and on from there to the goal, where one is under way;
@@ -83,7 +84,7 @@ def first_moving_motions(
         yield Proposal("a run-up to the goal", motion)
 
 
-def stopping(scene: Scene, most: float = _NEARLY) -> Trajectory | None:
+def stopping(scene: Scene, most: float = NEARLY) -> Trajectory | None:
     """A quintic from the start to rest; None from rest, or if none stays within reach."""
     start = scene.task.start
     if start.velocity == REST:
@@ -91,7 +92,7 @@ def stopping(scene: Scene, most: float = _NEARLY) -> Trajectory | None:
     return shortest_of(scene, _quintics(lambda T: (start, Boundary(_stopped(start, T)))), most=most)
 
 
-def from_state_to_state(scene: Scene, most: float = _NEARLY) -> Trajectory | None:
+def from_state_to_state(scene: Scene, most: float = NEARLY) -> Trajectory | None:
     """The shortest quintic that nearly keeps the limits at samples, to ``most`` of them, or the one
     that exceeds them least; None if none stays within reach."""
     return shortest_to_goal(scene, _direct(scene), most)
@@ -110,8 +111,8 @@ def straight_on(scene: Scene) -> Trajectory | None:
 
     way, nearer = off(0.0), off(0.0) - off(1.0)
     T = float(way @ nearer) / max(float(nearer @ nearer), 1e-300)
-    durations = np.union1d(_COARSE, [T] if T > 0 else [])
-    return shortest_of(scene, _direct(scene), durations, most=_QUICK)
+    durations = np.union1d(_DURATIONS, [T] if T > 0 else [])
+    return shortest_of(scene, _direct(scene), durations, most=QUICK)
 
 
 def _direct(scene: Scene) -> Family:
@@ -120,20 +121,18 @@ def _direct(scene: Scene) -> Family:
     return _quintics(lambda T: (start, goal.at(T, _stopped(start, T))))
 
 
-def shortest_to_goal(scene: Scene, family: Family, most: float = _NEARLY) -> Trajectory | None:
+def shortest_to_goal(scene: Scene, family: Family, most: float = NEARLY) -> Trajectory | None:
     """``shortest_of`` a family of motions to the goal of a scene. On a belt that goal is in reach
-    for some time alone: of durations at which it can be met where others do not lead there.
+    for some time alone: of durations after which it can be met, if any of these leads there.
 
     Raises Infeasible where the belt cannot be met.
     """
-    goal = scene.task.goal
-    found = shortest_of(scene, family, most=most)
-    if not goal.moves:
-        return found
-    meetings = Meetings.of(scene, goal).require_any()
-    if found is not None and meetings.is_possible_at(found.duration):
-        return found
-    return shortest_of(scene, family, meetings.durations, meetings.within, most) or found
+    goal, found = scene.task.goal, None
+    if goal.moves:
+        meetings = Meetings.of(scene, goal).require_any()
+        durations = np.union1d(meetings.durations, meetings.within(_DURATIONS))
+        found = shortest_of(scene, family, durations, most)
+    return found or shortest_of(scene, family, most=most)
 
 
 def _waiting(scene: Scene, most: float) -> Iterator[Trajectory]:
@@ -162,12 +161,9 @@ def intervals_after_waiting(motion: Trajectory, intervals: int) -> int:
 def _after_waiting(start: Boundary, goal: Boundary, time: float) -> Family:
     """Quintics of some durations that meet a belt at a time, s, at rest at the start until then."""
 
-    def meeting(T: float) -> tuple[Boundary, Boundary]:
-        return start, goal.at(max(time - T, _LEAST_WAIT * T) + T, goal.position)
-
     def family(durations: Array) -> tuple[Array, Array]:
         waits = np.maximum(time - durations, _LEAST_WAIT * durations)
-        moving = _coefficients(meeting, durations)
+        moving = _coefficients(lambda T: (start, goal.at(T, goal.position)), durations, waits)
         still = np.zeros_like(moving)
         still[:, 0] = start.position
         return np.stack([still, moving], axis=1), np.column_stack([waits, durations])
@@ -203,7 +199,7 @@ def _onwards(scene: Scene, before: PiecewisePolynomial, most: float) -> Iterator
         yield Trajectory(before.then(then.position), then.model)
 
 
-def first_between(scene: Scene, most: float = _NEARLY) -> Trajectory | None:
+def first_between(scene: Scene, most: float = NEARLY) -> Trajectory | None:
     """A first motion between two points, or states; None if none stays within reach.
 
     Raises Unreachable or Infeasible where none can be driven, or a belt cannot be met.
@@ -230,7 +226,7 @@ def _with_run_up(scene: Scene, stop: Trajectory | None, most: float) -> Iterator
         yield Trajectory(position.then(run_up.position), run_up.model)
 
 
-def run_up_to(scene: Scene, goal: Boundary, most: float = _NEARLY) -> Trajectory | None:
+def run_up_to(scene: Scene, goal: Boundary, most: float = NEARLY) -> Trajectory | None:
     """A quintic from rest that passes a goal at its velocity; None if none stays within reach."""
     return shortest_of(scene, _quintics(lambda T: (Boundary(_stopped(goal, -T)), goal)), most=most)
 
@@ -247,45 +243,35 @@ def _quintics(states: States) -> Family:
 
 
 def shortest_of(
-    scene: Scene,
-    family: Family,
-    durations: Array = _COARSE,
-    possible: Callable[[Array], Array] = np.asarray,
-    most: float = _NEARLY,
+    scene: Scene, family: Family, durations: Array = _DURATIONS, most: float = NEARLY
 ) -> Trajectory | None:
     """The shortest motion of a family that keeps ``most`` of the limits at samples, or the one that
-    exceeds them least; None if none stays within reach. ``durations``: that are looked at first, s,
-    increasing; others near the best of them are looked at then, as far as they are ``possible``."""
-    best = _best(scene, family, durations, most)
-    best = None if best is None else _best(scene, family, possible(best * _FINE), most)
-    if best is None:
-        return None
-    coefficients, lengths = family(np.array([best]))
-    knots = np.append(0.0, np.cumsum(lengths[0]))
-    position = PiecewisePolynomial(knots, coefficients[0])
-    return Trajectory(position, model_of(scene.robot, scene.payload))
-
-
-def _best(scene: Scene, family: Family, durations: Array, most: float) -> float | None:
-    """The best of some durations (s), increasing; None of none, and if none stays within reach."""
+    exceeds them least; None if none stays within reach. ``durations``: that are looked at, s,
+    increasing."""
     if not len(durations):
         return None
     coefficients, lengths = family(durations)
     pieces = coefficients.reshape(-1, *coefficients.shape[2:])
     sizes = sizes_at(problem_of(scene), pieces, lengths.ravel(), _SAMPLES)
-    highest = sizes.reshape(len(durations), -1).max(axis=1)
+    highest = sizes.reshape(len(lengths), -1).max(axis=1)
     if not np.isfinite(highest).any():
         return None
     keeping = np.flatnonzero(highest <= most)
-    return float(durations[keeping[0] if len(keeping) else np.nanargmin(highest)])
+    best = keeping[0] if len(keeping) else np.nanargmin(highest)
+    knots = np.append(0.0, np.cumsum(lengths[best]))
+    position = PiecewisePolynomial(knots, coefficients[best])
+    return Trajectory(position, model_of(scene.robot, scene.payload))
 
 
-def _coefficients(states: States, durations: Array) -> Array:
-    """Of the quintics between states, without acceleration at both ends, (n, 6, 3)."""
-    both = [states(T) for T in durations.tolist()]
-    x0, x1 = (np.array([pair[i].position for pair in both]) for i in (0, 1))
-    v0, v1 = (np.array([pair[i].velocity for pair in both]) for i in (0, 1))
-    T = durations[:, None]
+def _coefficients(states: States, durations: Array, waits: Array | float = 0.0) -> Array:
+    """Of the quintics between states, without acceleration at both ends, (n, 6, 3). ``waits``: how
+    much later than after their durations the states are those that they lead between, s."""
+    T, after = durations[:, None], (durations + waits)[:, None]
+    both = list(zip(states(0.0), states(1.0), strict=True))
+    x0, x1 = (
+        after * np.subtract(one.position, zero.position) + zero.position for zero, one in both
+    )
+    v0, v1 = (np.array(zero.velocity) for zero, _ in both)
     way, gain = x1 - x0 - T * v0, T * (v1 - v0)
     within = [x0, T * v0, np.zeros_like(x0), *quintic_rest(way, gain)]
     coefficients = np.stack(within, axis=1)
