@@ -156,9 +156,10 @@ def hermite_pieces(lengths: Array, begin: Sequence[Array], end: Sequence[Array])
     """Coefficients of polynomials with given values and derivatives at both ends, (K, d + 1, m).
 
     ``lengths``: of the pieces, (K,). ``begin``, ``end``: values and derivatives, for cubics, and
-    second derivatives, for quintics, (K, m) each.
+    second derivatives, for quintics, (K, m) each. Of n polynomials of each piece, cubics alone,
+    lengths are (K, n), values (K, n, m) and coefficients (K, 4, n, m).
     """
-    h = lengths[:, None]
+    h = lengths[..., None]
     if len(begin) == 2:
         (x0, v0), (x1, v1) = begin, end
         secant = (x1 - x0) / h
@@ -189,17 +190,18 @@ def spline_rates(
     lengths: Array, x: Array, first: Array | float = 0.0, last: Array | float = 0.0
 ) -> Array:
     """Derivatives at the knots, (K + 1, m), of the cubic spline through values x there, whose
-    pieces have these ``lengths``, (K,), and whose derivatives at its ends are given.
+    pieces have these ``lengths``, (K,), and whose derivatives at its ends are given. Of n splines
+    lengths are (K, n), values and derivatives (K + 1, n, m).
 
     Its second derivative is continuous: v_{i-1}/h_{i-1} + 2 (1/h_{i-1} + 1/h_i) v_i + v_{i+1}/h_i =
     3 ((x_i - x_{i-1})/h_{i-1}² + (x_{i+1} - x_i)/h_i²), solved by Thomas's elimination.
     """
-    secant = np.diff(x, axis=0) / lengths[:, None]
+    secant = np.diff(x, axis=0) / lengths[..., None]
     v = np.zeros_like(x)
     v[0], v[-1] = first, last
-    before, after = 1 / lengths[:-1], 1 / lengths[1:]
+    before, after = 1 / lengths[:-1, ..., None], 1 / lengths[1:, ..., None]
     diagonal = 2 * (before + after)
-    b = 3 * (before[:, None] * secant[:-1] + after[:, None] * secant[1:])
+    b = 3 * (before * secant[:-1] + after * secant[1:])
     b[0] -= before[0] * v[0]
     for i in range(1, len(b)):
         share = before[i] / diagonal[i - 1]

@@ -137,6 +137,18 @@ def test_a_state_that_lies_ahead_is_passed_at_once_and_not_after_a_loop(share):
     assert found.duration == pytest.approx((1 - share) * whole.duration, rel=0.01)
 
 
+@pytest.mark.parametrize("share", [0.8, 0.9])
+def test_a_via_point_close_ahead_is_passed_at_once_and_not_after_a_loop(share):
+    """The short leg to it takes less than its share of the time."""
+    through = PASSED.model_copy(update={"via": [(0.83, -0.025, -0.025)]})
+    whole = plan(through)
+    now = whole.trajectory(share * whole.phases[0])
+    start = State(at=tuple(now.x), velocity=tuple(0.95 * now.v))
+    found = plan(through.model_copy(update={"start": start}))
+    left = whole.duration - share * whole.phases[0]
+    assert found.duration == pytest.approx(left, rel=0.01)
+
+
 def test_a_belt_that_moves_away_is_met_as_soon_as_its_place_can_be_reached():
     found = plan(BELT)
     end = found.trajectory(found.duration)

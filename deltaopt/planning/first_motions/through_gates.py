@@ -1,8 +1,9 @@
 """First motions in phases: through via points, and up and down in an approach.
 
 A spline leads through all points, and as a last resort a motion that stops at each. Where an end
-moves, the spline's duration is that of which it nearly keeps the limits, since slowing would change
-the end; otherwise it is as fast as the limits roughly allow.
+moves, slowing would change the end: of splines of many durations, that share the time among their
+legs in several ways, it is the shortest that keeps the limits but for an excess; otherwise it is as
+fast as the limits roughly allow.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from math import hypot, isfinite
 
 import numpy as np
 
-from deltaopt.curves.piecewise import Array, PiecewisePolynomial, spline_rates
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial, hermite_pieces, spline_rates
 from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.time_scaling import rough_factor
@@ -21,6 +22,8 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
 from deltaopt.planning.first_motions.initial_motion import Proposal
 from deltaopt.planning.first_motions.moving_ends import (
+    NEARLY,
+    QUICK,
     first_between,
     first_moving_motions,
     from_end_of,
@@ -28,7 +31,7 @@ from deltaopt.planning.first_motions.moving_ends import (
     shortest_to_goal,
     stopping,
 )
-from deltaopt.problem.boundary import Boundary
+from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
 from deltaopt.scene.feasibility import room_at_rest
@@ -38,6 +41,9 @@ from deltaopt.scene.task import given_goal
 _WELL_INSIDE = 0.9
 """Share of the radius of a via point's sphere at which a first motion passes it at most: inside, so
 that the solver begins there too."""
+_AT_REST, _MOVING = (0.5, 1.0), (0.5, 1.0, 1.5, 2.0)
+"""Powers of their lengths by which legs share a spline's time: from rest to rest, and where an end
+moves. A short leg beside an end that is fast takes less than its share of the length."""
 _ONWARDS = 0.1
 """Share of the way to the next point that it makes at least from one place to the next, where
 spheres overlap, and that it leaves."""
@@ -59,9 +65,9 @@ def through_gates(scene: Scene) -> Iterator[Proposal]:
     if scene.task.goal.moves:
         Meetings.of(scene, scene.task.goal).require_any()
     for places in ways:
-        for power in (0.5, 1.0):
-            spline = _moving_spline if moving else _spline_at_rest
-            found = if_possible(RULED_OUT, spline, scene, places, power)
+        spline = _moving_spline if moving else _spline_at_rest
+        for each in (QUICK, NEARLY) if moving else _AT_REST:
+            found = if_possible(RULED_OUT, spline, scene, places, each)
             if found is not None:
                 yield Proposal("a spline through all points", found)
     for places in ways:
@@ -126,44 +132,39 @@ def _nearest_places(scene: Scene, via: tuple[Boundary, ...]) -> Array:
 
 def _spline_at_rest(scene: Scene, places: Array, power: float) -> Trajectory | None:
     """The spline from rest to rest, as fast as the limits roughly allow."""
-    start, goal = scene.given_points
-    points, rest = np.array([start, *places, goal]), np.zeros(3)
-    position = _spline(points, _lengths(points, power), rest, rest)
+    points, one = np.array([scene.start, *places, scene.goal])[:, None], np.ones(1)
+    coefficients, lengths = _splines(points, one, power * one)
+    position = PiecewisePolynomial(np.append(0.0, np.cumsum(lengths)), coefficients[0])
     spline = Trajectory(position, model_of(scene.robot, scene.payload))
     factor = rough_factor(problem_of(scene), spline)
     return spline.slowed(factor) if isfinite(factor) else None
 
 
-def _moving_spline(scene: Scene, places: Array, power: float) -> Trajectory | None:
-    """The shortest spline between ends that move that nearly keeps the limits, or the one that
+def _moving_spline(scene: Scene, places: Array, most: float) -> Trajectory | None:
+    """The shortest spline between ends that move that keeps ``most`` of the limits, or the one that
     exceeds them least."""
     start, goal = scene.task.start, given_goal(scene.task)
 
     def splines(durations: Array) -> tuple[Array, Array]:
-        found = []
-        for T in durations.tolist():
-            end = goal.at(T, goal.position)
-            points = np.array([start.position, *places, end.position])
-            lengths = T * _lengths(points, power)
-            velocities = np.array(start.velocity), np.array(end.velocity)
-            found.append((_spline(points, lengths, *velocities).coefficients, lengths))
-        coefficients, lengths = zip(*found, strict=True)
-        return np.array(coefficients), np.array(lengths)
+        T, powers = np.repeat(durations, len(_MOVING)), np.tile(_MOVING, len(durations))
+        last = goal.position + T[:, None] * goal.belt
+        points = [np.broadcast_to(each, last.shape) for each in (start.position, *places)]
+        return _splines(np.array([*points, last]), T, powers, start.velocity, goal.velocity)
 
-    return shortest_to_goal(scene, splines)
+    return shortest_to_goal(scene, splines, most)
 
 
-def _lengths(points: Array, power: float) -> Array:
-    """Durations of the legs between points, in proportion to a power of their lengths, 1 in all."""
-    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1) ** power
-    return np.asarray(lengths / lengths.sum())
-
-
-def _spline(points: Array, lengths: Array, first: Array, last: Array) -> PiecewisePolynomial:
-    """The cubic spline through points, (n, 3), m, with legs of these ``lengths`` (s) and with these
-    velocities (m/s) at its ends."""
-    v = spline_rates(lengths, points, first, last)
-    return PiecewisePolynomial.hermite(np.append(0.0, np.cumsum(lengths)), points, v)
+def _splines(
+    points: Array, T: Array, powers: Array, first: Vector3 = REST, last: Vector3 = REST
+) -> tuple[Array, Array]:
+    """Cubic splines of durations T, (n,), s, through points, (K + 1, n, 3), m, with velocities at
+    their ends, m/s, whose legs share the time in proportion to powers, (n,), of their lengths:
+    coefficients, (n, K, 4, 3), and durations of their legs, (n, K), s."""
+    shares = np.linalg.norm(np.diff(points, axis=0), axis=-1) ** powers
+    lengths = T * shares / shares.sum(axis=0)
+    v = spline_rates(lengths, points, np.array(first), np.array(last))
+    pieces = hermite_pieces(lengths, [points[:-1], v[:-1]], [points[1:], v[1:]])
+    return np.moveaxis(pieces, 2, 0), lengths.T
 
 
 def _stopping_at_each(scene: Scene, places: Array) -> Trajectory | None:
