@@ -129,7 +129,7 @@ def _add_speed(parser: argparse.ArgumentParser) -> None:
     words = "write a plan although it is beyond a limit or not verified; the file's head says so"
     either.add_argument("--anyway", action="store_true", help=words)
     words = "the plan's path so many times as slow, 3 for a first run (default: 1)"
-    parser.add_argument("--slower", type=positive, default=1.0, metavar="FACTOR", help=words)
+    parser.add_argument("--slower", type=_slower, default=1.0, metavar="FACTOR", help=words)
 
 
 def _add_controller(parser: argparse.ArgumentParser) -> None:
@@ -170,6 +170,14 @@ def _rows(text: str) -> Rows:
         expected = "own-knots or a time from 1us to 10s, such as 1ms"
         raise argparse.ArgumentTypeError(f"{text!r} is not {expected}")
     return Rows(cycle)
+
+
+def _slower(text: str) -> float:
+    """How many times as slow, for argparse: less would be a motion that nothing has verified."""
+    factor = positive(text)
+    if factor < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} would be faster than the plan: give 1 or more")
+    return factor
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -272,6 +272,7 @@ def test_inverse_in_years(tmp_path, capsys):
         ["plan", "a.yaml", "--start", "1"],
         ["plan", "a.yaml", "--base"],
         ["export", "table", "out/a", "--keep"],
+        ["export", "c", "out/a", "--slower", "0.5"],
         ["plan", "a.yaml", "--rate", "0"],
         ["plan", "a.yaml", "--tolerance", "-1e-3"],
         ["plan", "a.yaml", "--intervals", "2.5"],
