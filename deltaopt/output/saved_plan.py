@@ -213,7 +213,11 @@ def _scene(content: Mapping[str, Any]) -> Scene:
 
 def _polynomials(knots: Any, coefficients: Any, columns: int) -> PiecewisePolynomial:
     """Raises ValueError where they do not fit the knots, or are no numbers."""
-    values = np.array(coefficients, dtype=float)
+    try:
+        values = np.array(coefficients, dtype=float)
+    except (TypeError, ValueError):
+        told = f"its coefficients are not {columns} numbers for each power in each interval"
+        raise ValueError(told) from None
     if values.ndim != 3 or values.shape[0] != len(knots) - 1 or values.shape[2] != columns:
         raise ValueError(f"{len(knots)} knots do not fit coefficients of shape {values.shape}")
     if not (np.isfinite(values).all() and (np.diff(knots) > 0).all()):

@@ -47,6 +47,10 @@ BROKEN = {
         "its format is 2; .* reads format 1",
     ),
     "no format": (lambda c: json.dumps({k: c[k] for k in c if k != "format"}), "has no format"),
+    "a word for numbers": (
+        lambda c: json.dumps(c | {"motion": c["motion"] | {"position": [[[0, 0, "x"]], "y"]}}),
+        "its coefficients are not 3 numbers for each power in each interval",
+    ),
     "an older plan": (lambda c: json.dumps(c | {"motion": None}), "its motion cannot be used"),
     "no motion": (lambda c: json.dumps({k: c[k] for k in c if k != "motion"}), "has no 'motion'"),
     "another scene": (
