@@ -385,9 +385,8 @@ def test_rms_torques_are_kept_with_every_mass_of_a_range():
         platform={"mass": 0.3},
         drive={"torque": 60.0, "speed": 8.0},
     )
-    with_range = {"robot": robot, "payload": (0.0, 2.0)}
-    there = Scene(start=HERE, goal=THERE, **with_range)
-    back = Scene(start=THERE, goal=HERE, **with_range)
+    there = Scene(robot=robot, payload=(0.0, 2.0), start=HERE, goal=THERE)
+    back = there.model_copy(update={"start": THERE, "goal": HERE})
     found = plan_cycle(Cycle(legs=(there, back), dwells=(1.0, 0.0), rms_torque=9.0), tolerance=0.1)
     rms = {}
     for mass in (0.0, 1.0, 2.0):
