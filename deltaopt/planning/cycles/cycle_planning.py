@@ -43,8 +43,8 @@ _PATIENCE, _LESS = 6, 0.9
 made: where legs are known no better, as with friction."""
 _NARROWLY, _HOPELESS = 8, 20
 """After how many rounds of which none kept all limits twice as much is spared in each as in the one
-before, for legs that hardly keep them may leap, as with friction; and after how many there is no
-cycle."""
+before, for legs that hardly keep them may leap, as with friction; and after how many, without any
+that did, there is no cycle."""
 
 
 def plan_cycle(
@@ -91,7 +91,7 @@ def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePla
         near = sought.with_waits(replace(shortest, cycle=cycle))
         best = sought.slowed(near)
     slopes = np.eye(len(prices))
-    afresh = True
+    afresh, last_kept = True, 1
     for number in range(2, _MOST_ROUNDS + 1):
         rounds.append(
             Round(prices, sought.planned(repeat(sought.objective(prices)), near, afresh=afresh))
@@ -117,8 +117,8 @@ def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePla
         if (done and afresh) or (best is None and number > _HOPELESS):
             break
         afresh = done or waits  # legs that linger where they are cool are near no others
-        narrowly = 0 if best else max(0, len(rounds) - _NARROWLY)
-        spared = SPARED * 2.0**narrowly
+        last_kept = last_kept if kept is None else number
+        spared = SPARED * 2.0 ** max(0, number - last_kept - _NARROWLY)
         excess = sought.excess(found, spared)
         if is_elsewhere:
             slopes = sought.slopes(rounds[-1])

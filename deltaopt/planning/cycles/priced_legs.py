@@ -180,6 +180,7 @@ class PricedLegs:
         the square of the factor alone, as far as it changes what they cost for nothing.
         """
         if any(not problem_of(leg.scene).is_at_rest for leg in found.legs):
+            found = found if self.cycle.period is None else self.with_waits(found)
             return found if self.is_kept(found) else None
         found = replace(found, dwells=self.cycle.least_dwells)
         if self.cycle.period is not None:
