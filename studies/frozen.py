@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import deltaopt
+from deltaopt.interrupts.workers import end_with_parent
 from deltaopt.scene.task import given_points
 from studies.problems import PROBLEMS, shipped_scenes
 
@@ -176,7 +177,7 @@ def cases() -> Iterator[Case]:
 def rows(every: Sequence[Case], workers: int) -> list[dict[str, str]]:
     """Plan cases now, in so many processes; a row of the table each."""
     table = []
-    with ProcessPoolExecutor(workers) as pool:
+    with ProcessPoolExecutor(workers, initializer=end_with_parent) as pool:
         for row in pool.map(Case.row, every, chunksize=4):
             table.append(row)
             if sys.stderr.isatty():

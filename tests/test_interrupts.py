@@ -19,6 +19,7 @@ from deltaopt.interrupts.requests import (
     requests_held,
     requests_raised,
 )
+from studies.problems import PROBLEMS
 
 
 def interrupt(number: int = signal.SIGINT) -> None:
@@ -190,3 +191,41 @@ def test_ctrl_c_during_the_imports_of_another_program():
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert run.returncode == -signal.SIGINT
     assert "KeyboardInterrupt" in run.stderr
+
+
+KILLED = """
+import multiprocessing, os, signal, threading, time
+import deltaopt
+
+def kill_when_both_plan():
+    while len(multiprocessing.active_children()) < 2:
+        time.sleep(0.01)
+    print(*(each.pid for each in multiprocessing.active_children()), flush=True)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+scene = deltaopt.load_scene("problems/pick_and_place.yaml")
+threading.Thread(target=kill_when_both_plan).start()
+deltaopt.Planner(scene.robot).plan_many([(scene.start, scene.goal)] * 10_000, workers=2)
+"""
+
+
+def runs(process: int) -> bool:
+    """Whether a process is there and more than what is left of one that has ended."""
+    try:
+        with open(f"/proc/{process}/stat") as file:
+            return file.read().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are looked up in /proc")
+def test_processes_end_with_the_one_that_started_them_when_it_is_killed(tmp_path):
+    told = tmp_path / "told.txt"
+    with told.open("w") as file:  # not a pipe, which those that go on would keep open
+        subprocess.run([sys.executable, "-c", KILLED], cwd=PROBLEMS.parent, stdout=file)
+    workers = [int(each) for each in told.read_text().split()]
+    assert len(workers) == 2
+    until = time.monotonic() + 5
+    while any(map(runs, workers)) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not any(map(runs, workers))

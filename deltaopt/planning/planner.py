@@ -15,6 +15,7 @@ from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.validated_record import Vector3
+from deltaopt.interrupts.workers import end_with_parent
 from deltaopt.motion.trajectory import Motion, Trajectory
 from deltaopt.planning.attempts import Search
 from deltaopt.planning.formulations.choice import Flat, ProblemFormulation
@@ -288,7 +289,7 @@ class Planner:
         tell = progress or (lambda done: None)
         if workers == 1:
             return _counted(map(self._plan_or_error, pairs), tell)
-        with ProcessPoolExecutor(workers) as pool:
+        with ProcessPoolExecutor(workers, initializer=end_with_parent) as pool:
             chunk = max(1, len(pairs) // (4 * workers))
             return _counted(pool.map(self._plan_or_error, pairs, chunksize=chunk), tell)
 

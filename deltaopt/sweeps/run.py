@@ -10,15 +10,13 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent import futures
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
-from multiprocessing import parent_process
-from multiprocessing.connection import wait as wait_for
-from threading import Thread
 from time import thread_time
 from typing import Any
 
 import numpy as np
 
 from deltaopt.errors import DeltaOptError, installed
+from deltaopt.interrupts.workers import end_with_parent
 from deltaopt.motion.active_limits import active_limits, share_curves
 from deltaopt.output.cycle_files import verified
 from deltaopt.planning.cycles.cycle_planning import plan_cycle
@@ -134,14 +132,7 @@ def _begin() -> None:
     """What a process does first: it leaves Ctrl-C to the one that started it, and ends with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = parent_process()
-    if parent is not None:
-        wait_for([parent.sentinel])
-        os._exit(1)
+    end_with_parent()
 
 
 def row_of(task: Task) -> Row:

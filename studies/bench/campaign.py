@@ -19,6 +19,7 @@ from time import process_time
 import numpy as np
 
 from deltaopt.errors import DeltaOptError
+from deltaopt.interrupts.workers import end_with_parent
 from deltaopt.planning.planner import plan
 from deltaopt.scene.moving_ends import Belt
 from deltaopt.scene.scene import Scene
@@ -140,7 +141,8 @@ def campaign(
 ) -> list[Row]:
     """Plan so many moves, but for those that the folder's file of the same seed and tolerance has,
     and return all rows."""
-    with _one_thread_each(), ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), end_with_parent)
+    with _one_thread_each(), pool:
         return kept_rows(
             folder / f"moves_{seed}_{tolerance:g}.csv",
             Row,
