@@ -62,7 +62,8 @@ _IMPROVED, _SHORTER = 4, 1e-4
 """How many plans of a kind at most begin with the motion found, each with that of the one before;
 and by what share each must be shorter, or else tell a smaller gap."""
 _TOLD = 2
-"""Of how many motions at most it is said what is in their way: those in whose way is least."""
+"""Of how many motions at most it is said what is in their way: those in whose way is least, of each
+name one."""
 _DIGITS = 9
 """Decimals of places in words, m."""
 _MAY_HELP = (
@@ -209,8 +210,9 @@ class Loop:
                     require_axis(scene)  # raises what rules it out, if that is known
                 if not isinstance(error, NotConverged):
                     raise
-                ruled_out = sorted({_in_the_way(scene, *named) for named in names.items()})
-                reasons = [reason for _, reason in reversed(ruled_out) if reason][:_TOLD]
+                ruled_out = sorted((_in_the_way(scene, *each), each[1]) for each in names.items())
+                of_each = {name: why for why, name in ruled_out if why[1]}  # where least is
+                reasons = [reason for _, reason in sorted(of_each.values(), reverse=True)][:_TOLD]
                 told = [not_found(scene, len(self.attempts)), *reasons, _MAY_HELP]
                 raise NotConverged("; ".join(told), error.status, error.iterate) from error
             self.journal.note(f"of these the fastest that keeps all limits: {best.duration:.6g} s")

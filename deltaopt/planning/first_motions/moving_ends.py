@@ -68,7 +68,7 @@ def first_moving_motions(
     task = scene.task
     direct, quick = from_state_to_state(scene, most), straight_on(scene)
     if direct and quick and quick.duration < _MUCH * direct.duration:
-        yield Proposal("a quick quintic", quick)
+        yield Proposal("a quintic", quick)
     if direct is not None:
         yield Proposal("a quintic", direct)
     for motion in _waiting(scene, most):
