@@ -63,7 +63,8 @@ def first_moving_motions(
     that.
 
     ``under_way``: what would follow the start, from the time 0 on, m over s. ``most``: of the
-    limits they take at samples, if that is possible; between two rests not more than all.
+    limits they take at samples, if that is possible; between two rests not more than all, and the
+    quick one up to ``QUICK`` of them.
     """
     task = scene.task
     direct, quick = from_state_to_state(scene, most), straight_on(scene)

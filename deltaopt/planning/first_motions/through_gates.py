@@ -9,6 +9,7 @@ fast as the limits roughly allow.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from itertools import product
 from math import hypot, isfinite
 
@@ -64,10 +65,11 @@ def through_gates(scene: Scene) -> Iterator[Proposal]:
     moving, ways = scene.moves_at_ends, list(places_of_gates(scene))
     if scene.task.goal.moves:
         Meetings.of(scene, scene.task.goal).require_any()
+    at_rest = [partial(_spline_at_rest, power=each) for each in _AT_REST]
+    in_motion = [partial(_moving_spline, most=each) for each in (QUICK, NEARLY)]
     for places in ways:
-        spline = _moving_spline if moving else _spline_at_rest
-        for each in (QUICK, NEARLY) if moving else _AT_REST:
-            found = if_possible(RULED_OUT, spline, scene, places, each)
+        for spline in in_motion if moving else at_rest:
+            found = if_possible(RULED_OUT, spline, scene, places)
             if found is not None:
                 yield Proposal("a spline through all points", found)
     for places in ways:
