@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deltaopt.curves.piecewise import Array, PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial, shifted
 from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.problem.problem import Problem
@@ -21,6 +21,8 @@ the lengths of intervals differ from the last knot by rounding."""
 
 _AS_HIGH = 1e-9
 """By how much a knot may be below a height, m, that it is at but for rounding."""
+_BUMP = np.array([0.0, 0.0, 16.0, -32.0, 16.0])
+"""Coefficients of 16 u² (1 - u)², ascending powers."""
 _LARGEST_FACTOR = 1e30
 """By which a motion can be slowed: its fifth power, by which coefficients are divided, is still a
 number."""
@@ -202,6 +204,21 @@ class Trajectory:
             coordinates=coordinates,
             end_velocities=(vector3(np.divide(before, factor)), vector3(np.divide(after, factor))),
         )
+
+    def beside(self, way: Array) -> Trajectory:
+        """This motion, led aside by ``way`` (3,), m, halfway, and by less before and after.
+
+        It is moved by 16 u² (1 - u)² of that at u = t / duration, so that the places and velocities
+        of both ends remain.
+        """
+        begins = (self.knots[:-1] - self.knots[0]) / self.duration
+        bump = shifted(np.tile(_BUMP[:, None], len(begins)), begins)
+        bump /= self.duration ** np.arange(len(bump))[:, None]
+        own = self.position.coefficients
+        aside = np.zeros((len(own), max(own.shape[1], len(bump)), 3))
+        aside[:, : own.shape[1]] = own
+        aside[:, : len(bump)] += bump.T[:, :, None] * way
+        return replace(self, position=PiecewisePolynomial(self.knots, aside))
 
     def then(self, other: Trajectory) -> Trajectory:
         """This motion and another from where it ends, as far as the platform's path tells it."""

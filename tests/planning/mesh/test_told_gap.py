@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import deltaopt
@@ -72,3 +73,21 @@ def test_no_less_is_told_than_a_finer_plan_gains(robot, payload, start, goal, to
     assert plan.within_tolerance
     assert finer.within_tolerance
     assert 0 < plan.duration / finer.duration - 1 <= plan.gap
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 120.0])
+def test_a_motion_between_places_of_a_plane_of_symmetry_is_as_good_as_one_beside_it(azimuth):
+    """The best one leaves the plane by 60 mm, to either side. One that stays in it is stationary
+    and 6.2e-4 longer, and was told a gap of 6.3e-5."""
+    turn = np.deg2rad(azimuth)
+    depths, outwards = np.array([0.904, 0.67]), np.array([-0.296, 0.274])
+    ends = np.column_stack([depths, np.cos(turn) * outwards, np.sin(turn) * outwards])
+    normal = np.array([0.0, -np.sin(turn), np.cos(turn)])
+    durations = []
+    for aside in (0.0, 1e-5):
+        start, goal = (tuple(end) for end in ends + aside * normal)
+        scene = deltaopt.Scene(robot=INDUSTRIAL, payload=3.0, start=start, goal=goal)
+        plan = deltaopt.plan(scene, tolerance=1e-4)
+        assert plan.within_tolerance
+        durations.append(plan.duration)
+    assert durations[0] <= durations[1] * (1 + 1e-4)
