@@ -222,12 +222,15 @@ class _SearchOfWays:
     def _solved(self, trial: _Trial) -> _Trial:
         """A trial with the motion that is best on the coarsest mesh on which it leads past bodies,
         where there is one. One that leads through a thin body between two points tells nothing
-        about its way, nor does one that is slower than that was found.
+        about its way, nor does one that is slower than that was found; a finer mesh is solved from
+        the first of these, which is mostly beside a place to pass, and then from the way.
         """
-        found = trial
+        found, way = trial, trial.attempt.motion
         for factor in _FINER:
             begin = replace(found.attempt, intervals=factor * trial.attempt.intervals)
             found = self._on_mesh(trial, begin)
+            if not found.is_solved and begin.motion is not way:
+                found = self._on_mesh(trial, replace(begin, motion=way))
             if found.is_solved:
                 return found
         return replace(trial, attempt=replace(trial.attempt, scene=found.attempt.scene))
@@ -235,22 +238,23 @@ class _SearchOfWays:
     def _on_mesh(self, trial: _Trial, attempt: Attempt) -> _Trial:
         """A trial from an attempt on its first mesh, past all bodies that the motion there runs
         into at points of that. It is solved again past these from where it is, which is mostly near
-        the best motion past them; where that is not solved, from the way."""
-        motion = if_possible(ENDS_AN_ATTEMPT, self.on_first_mesh, attempt)
-        more = motion and with_those_hit(self.attempt.scene, attempt.scene, motion.position)
-        if motion and more:
-            past = replace(attempt, scene=more)
-            found = self._on_mesh(trial, replace(past, motion=motion))
-            if not found.is_solved:
-                return self._on_mesh(trial, past)
-            return replace(found, attempt=replace(found.attempt, motion=attempt.motion))
-        is_solved = (
-            motion is not None
-            and motion.duration <= trial.longest
-            and leads_past(attempt.scene, motion)
-        )
-        best = motion if motion and is_solved else trial.motion
-        return replace(trial, attempt=attempt, motion=best, is_solved=is_solved)
+        the best motion past them; where that is not solved, from the way. Where it leads through a
+        body between points the attempt of the trial is from there."""
+        motion, way = if_possible(ENDS_AN_ATTEMPT, self.on_first_mesh, attempt), trial.attempt
+        while motion:
+            more = with_those_hit(self.attempt.scene, attempt.scene, motion.position)
+            if more is None:
+                break
+            attempt = replace(attempt, scene=more)
+            begins = (replace(attempt, motion=each) for each in (motion, way.motion))
+            solved = (if_possible(ENDS_AN_ATTEMPT, self.on_first_mesh, each) for each in begins)
+            motion = next((each for each in solved if each), None)
+        from_way = replace(attempt, motion=way.motion)
+        if motion is None or motion.duration > trial.longest:
+            return replace(trial, attempt=from_way)
+        if leads_past(attempt.scene, motion):
+            return replace(trial, attempt=from_way, motion=motion, is_solved=True)
+        return replace(trial, attempt=replace(attempt, motion=motion))
 
     @cached_property
     def _hit(self) -> frozenset[int]:
