@@ -53,7 +53,7 @@ from deltaopt.cli.streams import (
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.errors import DeltaOptError, SceneError
 from deltaopt.files.output_folder import require_writable
-from deltaopt.files.yaml_file import place_of
+from deltaopt.files.yaml_file import placed_in
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.cycle_files import content_of_cycle, details_of_cycle, told_of_cycle, verified
 from deltaopt.output.facts import facts
@@ -204,10 +204,8 @@ def _load(file: Path, is_rated: bool) -> Scene | Cycle:
     if scene.robot.rms_torque is None:
         expected = "drive.rms_torque or a motor's rated_torque in its file, for --rated"
         raise SceneError(file, "robot", None, expected, "does not say what motors are rated for")
-    try:
+    with placed_in(file):
         return there_and_back(scene)
-    except SceneError as error:
-        raise error.inside(file=file, place=place_of(file, error.key)) from None
 
 
 def _plan(

@@ -14,7 +14,7 @@ from deltaopt.errors import SceneError
 from deltaopt.files.csv_table import WrongCsv, read_csv
 from deltaopt.files.units import DURATION
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Text, optional
-from deltaopt.files.yaml_file import place_of, read_yaml
+from deltaopt.files.yaml_file import placed_in, read_yaml
 from deltaopt.scene.scene_file import load_job
 from deltaopt.sensitivity.keys import Content, changed
 from deltaopt.sensitivity.numbers import content_of, job_of, numbers_in
@@ -148,9 +148,9 @@ def _rows(file: Path, index: int, asked: Catalogue) -> tuple[Choice, ...]:
                 raise WrongCsv(f"has no column {head}")
         prices = asked.number * table.columns(price).sum(axis=1)
     except WrongCsv as error:
-        key = f"catalogues[{index}].file"
-        place, expected = place_of(file, key), "a CSV file with the columns that are named"
-        raise SceneError(file, key, asked.file, expected, str(error), place) from None
+        key, expected = f"catalogues[{index}].file", "a CSV file with the columns that are named"
+        with placed_in(file):
+            raise SceneError(None, key, asked.file, expected, str(error)) from None
     found = list[Choice]()
     for cells, cost in zip(table.rows, prices.tolist(), strict=True):
         row = dict(zip(table.names, cells, strict=True))

@@ -28,13 +28,14 @@ from pydantic import (
 
 from deltaopt.errors import SceneError, shown
 from deltaopt.files.units import Misread
-from deltaopt.files.yaml_file import place_of
+from deltaopt.files.yaml_file import placed_in
 from deltaopt.settings import holds_numbers
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass
 else:
     ModelMetaclass = type(BaseModel)
+
 
 Name = Annotated[str, Field(strict=True, max_length=200, pattern=r"^[^\p{C}\p{Zl}\p{Zp}]+$")]
 """A line of text without control characters, for terminals, pictures, and comments of programs."""
@@ -114,10 +115,8 @@ class Record(BaseModel, metaclass=_Listed):
 
         Raises SceneError, naming file and key, if a key is unknown or missing or a value wrong.
         """
-        try:
+        with placed_in(file):
             return cls.model_validate(content)
-        except SceneError as error:
-            raise error.inside(file=file, place=place_of(file, error.key)) from None
 
     @cached_property
     def fields_hash(self) -> int:
