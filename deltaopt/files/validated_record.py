@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 else:
     ModelMetaclass = type(BaseModel)
 
-
 Name = Annotated[str, Field(strict=True, max_length=200, pattern=r"^[^\p{C}\p{Zl}\p{Zp}]+$")]
 """A line of text without control characters, for terminals, pictures, and comments of programs."""
 
@@ -214,19 +213,15 @@ def _place_in_list(record: type[Record], key: str, value: object) -> str:
     list of records."""
     kind = record.model_fields[key].annotation
     lists = [one for one in (kind, *get_args(kind)) if get_origin(one) is tuple]
-    inner = [one for each in lists for one in get_args(each)[:1]]
-    if not isinstance(value, list | tuple):
+    if not (lists and isinstance(value, list | tuple)):
         return ""
-    for one in inner:
-        if isinstance(one, type) and issubclass(one, Record):
-            wrong = (i for i, each in enumerate(value) if not _is_valid(one, each))
-            return f"[{next(wrong)}]"
-    return ""
+    adapter = TypeAdapter[Any](get_args(lists[0])[0])
+    return f"[{next(i for i, each in enumerate(value) if not _is_valid(adapter, each))}]"
 
 
-def _is_valid(record: type[Record], value: object) -> bool:
+def _is_valid(adapter: TypeAdapter[Any], value: object) -> bool:
     try:
-        record.model_validate(value)
+        adapter.validate_python(value)
     except (SceneError, ValidationError):
         return False
     return True

@@ -8,9 +8,9 @@ from itertools import pairwise
 from math import dist
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field, PlainSerializer
 
-from deltaopt.errors import SceneError, inside
+from deltaopt.errors import SceneError
 from deltaopt.files.units import WIDTH
 from deltaopt.files.validated_record import Positive, Record, Vector3
 from deltaopt.limits.limit import Column
@@ -56,24 +56,20 @@ class Near(Record):
     within: Annotated[Positive, WIDTH] = Field(description="a length in m, greater than 0")
 
 
-Via = Vector3 | Near
-
-
-def via_in(content: Any) -> Any:
-    """What stands under ``via`` of a scene, its mappings as records and the rest as it is, for the
+def _via_in(content: Any) -> Any:
+    """What stands for a via point of a scene, a mapping as a record and the rest as it is, for the
     field's type to judge. A mapping without ``within`` is a point. Raises SceneError."""
-    if not isinstance(content, list | tuple):
-        return content
-    return [_point_in(number, each) for number, each in enumerate(content)]
-
-
-def _point_in(number: int, content: Any) -> Any:
     if not isinstance(content, Mapping):
         return content
-    if set(content) == {"at"}:
-        return content["at"]
-    with inside(key=f"via[{number}]"):
-        return Near.model_validate(dict(content))
+    return content["at"] if set(content) == {"at"} else Near.model_validate(dict(content))
+
+
+def _content_of(via: Any) -> object:
+    """The inverse of ``_via_in``."""
+    return via.model_dump() if isinstance(via, Near) else via
+
+
+Via = Annotated[Point | Near, BeforeValidator(_via_in), PlainSerializer(_content_of)]
 
 
 def via_point(given: Via) -> Boundary:
@@ -81,11 +77,6 @@ def via_point(given: Via) -> Boundary:
     if isinstance(given, Near):
         return Boundary.passed(given.at, given.within)
     return Boundary.passed(given)
-
-
-def content_of_via(via: Sequence[Via]) -> list[object]:
-    """What stands in a scene file for via points: the inverse of ``via_in``."""
-    return [each.model_dump() if isinstance(each, Near) else each for each in via]
 
 
 def require_distinct(via: Sequence[Boundary], start: Vector3, goal: Vector3 | None) -> None:
