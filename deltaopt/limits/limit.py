@@ -45,9 +45,6 @@ class Described(Protocol):
     def placed_points(self) -> tuple[Vector3, ...]: ...
 
     @property
-    def given_points(self) -> tuple[Vector3, ...]: ...
-
-    @property
     def columns(self) -> tuple[()] | tuple[Column, Column]:
         """The cylinders about start and goal in which the tool approaches; none without."""
 

@@ -113,6 +113,11 @@ class OneOf(Record):
         """The name of that field."""
         return next(name for name, value in self if value is not None)
 
+    @property
+    def shape(self) -> Any:
+        """Its value."""
+        return getattr(self, self.given)
+
     @model_validator(mode="after")
     def _is_one(self) -> Self:
         given = [name for name, value in self if value is not None]
@@ -130,12 +135,6 @@ class Shape(OneOf):
     box: Box | None = optional("a mapping with from, to")
     capsule: Capsule | None = optional("a mapping with from, to, radius")
     kinds: ClassVar[str] = _SHAPES
-
-    @property
-    def shape(self) -> Sphere | Box | Capsule:
-        """The one that is given."""
-        found: Sphere | Box | Capsule = getattr(self, self.given)
-        return found
 
 
 class Tool(Record):

@@ -203,14 +203,8 @@ class Verification:
             for excess in self.excesses.values()
         }
         content["singularities"] = {
-            distance.name: {
-                "least": finite(distance.least),
-                "formula": distance.formula,
-                "unit": distance.unit,
-                "subject": distance.subject,
-                "t": distance.t,
-            }
-            for distance in self.distances
+            each.name: {key: finite(value) for key, value in vars(each).items() if key != "name"}
+            for each in self.distances
         }
         content["duty"] = None if self.duty is None else self.duty.as_dict()
         return content
