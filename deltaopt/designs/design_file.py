@@ -16,8 +16,7 @@ from deltaopt.files.units import DURATION
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Text, optional
 from deltaopt.files.yaml_file import placed_in, read_yaml
 from deltaopt.scene.scene_file import load_job
-from deltaopt.sensitivity.keys import Content, changed
-from deltaopt.sensitivity.numbers import content_of, job_of, numbers_in
+from deltaopt.sensitivity.keys import Content, changed, content_of, job_of, numbers_in
 
 _KEY = "a key of a scene or of its robot, such as robot.drive.gear.ratio"
 _MAPPINGS = "a list of mappings with the keys"
