@@ -11,7 +11,8 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from functools import cached_property, lru_cache
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Self, get_args, get_origin
+from types import NoneType
+from typing import TYPE_CHECKING, Annotated, Any, Self, get_args, get_origin, get_type_hints
 
 import numpy as np
 from pydantic import (
@@ -27,7 +28,7 @@ from pydantic import (
 )
 
 from deltaopt.errors import SceneError, shown
-from deltaopt.files.units import Misread
+from deltaopt.files.units import Misread, Quantity
 from deltaopt.files.yaml_file import placed_in
 from deltaopt.settings import holds_numbers
 
@@ -65,6 +66,25 @@ def vector3(values: Iterable[float]) -> Vector3:
     return x, y, z
 
 
+def described(kind: Any) -> str | None:
+    """What is expected of a number, or of one for each motor, by its type: "a length in m, greater
+    than 0"; None where the type does not tell."""
+    kinds = get_args(kind)
+    marks = get_args(kinds[0]) if NoneType in kinds else kinds
+    quantity = next((each for each in marks if isinstance(each, Quantity)), None)
+    if quantity is None:
+        return None
+    if marks[0] == PerMotor:
+        return f"one {quantity.words.partition(' ')[2]}, greater than 0, or three"
+    ranges = {
+        "greater than 0": Positive,
+        "at least 0": NonNegative,
+        "greater than 0 and below 1": Below1,
+    }
+    own = (words for words, kind in ranges.items() if marks[:-1] == get_args(kind))
+    return next((f"{quantity.words}, {words}" for words in own), None)
+
+
 def optional(expected: str, **rules: Any) -> Any:
     """A key that may be left out: what it is expected to be, and rules of pydantic for it."""
     return Field(default=None, description=expected, **rules)
@@ -90,7 +110,11 @@ class Record(BaseModel, metaclass=_Listed):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
-        """Give names and defaults alone as the signature: types with their units fill a screen."""
+        """Describe fields whose types say what is expected, and give names and defaults alone as
+        the signature: types with their units fill a screen."""
+        kinds = get_type_hints(cls, include_extras=True)
+        for name, field in cls.model_fields.items():
+            field.description = field.description or described(kinds.get(name))
         parameters = signature(cls).parameters.values()
         plain = [each.replace(annotation=Parameter.empty) for each in parameters]
         cls.__signature__ = Signature(plain)

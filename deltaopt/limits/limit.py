@@ -17,7 +17,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from deltaopt.curves.piecewise import Array, Index
-from deltaopt.files.validated_record import Vector3
+from deltaopt.files.validated_record import Vector3, described
 from deltaopt.mechanisms.instant import Instant as Instant
 from deltaopt.robot.machine import Machine
 from deltaopt.robot.solids import Convex, Solid
@@ -147,11 +147,15 @@ class Bounds:
 
 @dataclass(frozen=True)
 class Key:
-    """A key under ``limits`` in a scene file: its name, its type for pydantic, what is expected."""
+    """A key under ``limits`` in a scene file: its name, and its type for pydantic."""
 
     name: str
     type: Any
-    expected: str
+
+    @property
+    def expected(self) -> str:
+        """What the value is expected to be."""
+        return str(described(self.type))
 
 
 class OwnMeasure(Enum):

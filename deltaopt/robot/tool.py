@@ -150,7 +150,7 @@ class Tool(Record):
     """
 
     offset: Point | None = optional(POINT)
-    mass: Annotated[NonNegative, MASS] | None = optional("a mass in kg, at least 0")
+    mass: Annotated[NonNegative, MASS] | None = None
     radius: Annotated[Positive, WIDTH] | None = optional(RADIUS)
     shapes: tuple[Shape, ...] | None = optional(
         f"a list of shapes about the tool's point, each {_SHAPES}"

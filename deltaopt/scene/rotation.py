@@ -5,8 +5,6 @@ from __future__ import annotations
 from math import sqrt
 from typing import Annotated
 
-from pydantic import Field
-
 from deltaopt.files.units import ANGLE, ANGULAR_ACCELERATION, ANGULAR_SPEED
 from deltaopt.files.validated_record import Positive, Record
 
@@ -18,13 +16,9 @@ class Rotation(Record):
     The axis is light and moves by itself: the Delta's motion only has to take no less time.
     """
 
-    angle: Annotated[Positive, ANGLE] = Field(description="an angle in rad, greater than 0")
-    speed: Annotated[Positive, ANGULAR_SPEED] = Field(
-        description="an angular speed in rad/s, greater than 0"
-    )
-    acceleration: Annotated[Positive, ANGULAR_ACCELERATION] = Field(
-        description="an angular acceleration in rad/s², greater than 0"
-    )
+    angle: Annotated[Positive, ANGLE]
+    speed: Annotated[Positive, ANGULAR_SPEED]
+    acceleration: Annotated[Positive, ANGULAR_ACCELERATION]
 
     @property
     def duration(self) -> float:

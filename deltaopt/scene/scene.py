@@ -79,7 +79,7 @@ class Scene(Record):
     payload: Annotated[Positive, MASS] | None = optional(
         "a mass in kg, greater than 0, or [least, largest]; leave the key out for none"
     )
-    least_payload: Annotated[NonNegative, MASS] | None = optional("a mass in kg, at least 0")
+    least_payload: Annotated[NonNegative, MASS] | None = None
     start: Start = Field(description=EXPECTED_START)
     goal: End = Field(description=EXPECTED_GOAL)
     via: tuple[Via, ...] | None = optional(EXPECTED_VIA, max_length=MOST_VIA)

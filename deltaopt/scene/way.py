@@ -29,8 +29,8 @@ EXPECTED_VIA = (
 class ApproachAtEnd(Record):
     """Within a vertical cylinder of ``radius`` (m) about an end until ``height`` (m) above it."""
 
-    height: Annotated[Positive, WIDTH] = Field(description="a length in m, greater than 0")
-    radius: Annotated[Positive, WIDTH] = Field(description="a length in m, greater than 0")
+    height: Annotated[Positive, WIDTH]
+    radius: Annotated[Positive, WIDTH]
 
     def column(self, end: Vector3) -> Column:
         """The cylinder about an end, m."""
@@ -53,7 +53,7 @@ class Near(Record):
     """
 
     at: Point = Field(description=POINT)
-    within: Annotated[Positive, WIDTH] = Field(description="a length in m, greater than 0")
+    within: Annotated[Positive, WIDTH]
 
 
 def _via_in(content: Any) -> Any:
