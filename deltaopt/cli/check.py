@@ -65,10 +65,10 @@ from deltaopt.robot.robot import load_robot
 from deltaopt.scene.feasibility import are_surely_feasible, check_feasible, perhaps_meant
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import Time
-from deltaopt.scene.rotation import Rotation
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import has_cycle, load_cycle, load_scene
 from deltaopt.scene.task import distance, ends_in_words
+from deltaopt.scene.way import Rotation
 from deltaopt.verify.measures import MeasuredMotion
 
 _ORDERS = ("position", "velocity", "acceleration or torque", "rate of these")

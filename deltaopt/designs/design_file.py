@@ -21,7 +21,6 @@ from deltaopt.sensitivity.keys import Content, changed, content_of, job_of, numb
 _KEY = "a key of a scene or of its robot, such as robot.drive.gear.ratio"
 _MAPPINGS = "a list of mappings with the keys"
 _CATALOGUES = f"{_MAPPINGS} file, name, price, number, columns"
-_LONGEST = "a duration in s, greater than 0"
 
 
 class Change(Record):
@@ -66,7 +65,7 @@ class DesignFile(Record):
     catalogues: tuple[Catalogue, ...] = Field((), description=_CATALOGUES)
     over: Literal["sum", "worst"] = Field(default="sum", description="sum or worst")
     per_second: NonNegative = Field(default=1.0, description="a price, at least 0")
-    longest: Annotated[Positive, DURATION] | None = optional(_LONGEST)
+    longest: Annotated[Positive, DURATION] | None = None
 
 
 @dataclass(frozen=True)

@@ -35,12 +35,13 @@ class Described(Protocol):
     """What a limit may read of a scene: robot, payload (kg; the largest and the least, if it
     varies), the points that are known of start, goal and the way (m), bodies, and its own key."""
 
+    payload: float | None
+    least_payload: float | None
+    tube: float | None
+    """How far it may be from the path that is given, m; None if it stays on it, if any."""
+
     @property
     def robot(self) -> Machine: ...
-    @property
-    def payload(self) -> float | None: ...
-    @property
-    def least_payload(self) -> float | None: ...
     @property
     def placed_points(self) -> tuple[Vector3, ...]: ...
 
@@ -59,10 +60,6 @@ class Described(Protocol):
     @property
     def kept_links(self) -> Sequence[KeptLink]:
         """Which arms and forearms are planned to keep clear of which bodies."""
-
-    @property
-    def tube(self) -> float | None:
-        """How far it may be from the path that is given, m; None if it stays on it, if any."""
 
     @property
     def axis_of_tube(self) -> Array:

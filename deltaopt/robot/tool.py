@@ -22,7 +22,6 @@ from deltaopt.files.validated_record import (
 Point = Annotated[Triple, LENGTH]
 Corner = Annotated[Triple, EXTENT]
 POINT = "three coordinates [x, y, z] in m"
-RADIUS = "a length in m, greater than 0"
 _OTHER = "three coordinates [x, y, z] in m, other than from"
 _SHAPES = "one of sphere: {centre, radius}, box: {from, to}, capsule: {from, to, radius}"
 
@@ -56,7 +55,7 @@ class Sphere(Record):
     """
 
     centre: Point = Field(description=POINT)
-    radius: Annotated[Positive, LENGTH] = Field(description=RADIUS)
+    radius: Annotated[Positive, LENGTH]
 
 
 class Box(Between):
@@ -85,7 +84,7 @@ class Box(Between):
 class Along(Between):
     """A shape about the line between the points ``from`` and ``to``, m, with a ``radius``, m."""
 
-    radius: Annotated[Positive, LENGTH] = Field(description=RADIUS)
+    radius: Annotated[Positive, LENGTH]
 
     @model_validator(mode="after")
     def _has_length(self) -> Self:
@@ -151,7 +150,7 @@ class Tool(Record):
 
     offset: Point | None = optional(POINT)
     mass: Annotated[NonNegative, MASS] | None = None
-    radius: Annotated[Positive, WIDTH] | None = optional(RADIUS)
+    radius: Annotated[Positive, WIDTH] | None = None
     shapes: tuple[Shape, ...] | None = optional(
         f"a list of shapes about the tool's point, each {_SHAPES}"
     )

@@ -44,7 +44,6 @@ from deltaopt.scene.moving_ends import (
 )
 from deltaopt.scene.objective import EXPECTED, Objective, Time, content_of, objective_in
 from deltaopt.scene.path import EXPECTED_PATH, AnyPath, Curve
-from deltaopt.scene.rotation import Rotation
 from deltaopt.scene.task import BetweenEnds, OnPath, Task
 from deltaopt.scene.way import (
     EXPECTED_APPROACH,
@@ -52,6 +51,7 @@ from deltaopt.scene.way import (
     MOST_VIA,
     Approach,
     Near,
+    Rotation,
     Via,
     require_distinct,
     via_point,

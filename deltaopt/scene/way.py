@@ -1,17 +1,18 @@
 """What scenes give of the way between start and goal: cylinders in which a motion leaves the one
-and reaches the other, straight up and down, and via points, or places within a distance of one."""
+and reaches the other, straight up and down, how far a fourth axis turns the gripper meanwhile, and
+via points, or places within a distance of one."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from math import dist
+from math import dist, sqrt
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, PlainSerializer
 
 from deltaopt.errors import SceneError
-from deltaopt.files.units import WIDTH
+from deltaopt.files.units import ANGLE, ANGULAR_ACCELERATION, ANGULAR_SPEED, WIDTH
 from deltaopt.files.validated_record import Positive, Record, Vector3
 from deltaopt.limits.limit import Column
 from deltaopt.problem.boundary import Boundary
@@ -44,6 +45,26 @@ class Approach(Record):
 
     start: ApproachAtEnd = Field(description="a mapping with the keys height and radius, in m")
     goal: ApproachAtEnd = Field(description="a mapping with the keys height and radius, in m")
+
+
+class Rotation(Record):
+    """A turn by ``angle`` (rad) from rest to rest, at most at ``speed`` (rad/s), with at most
+    ``acceleration`` (rad/s²).
+
+    The axis is light and moves by itself: the Delta's motion only has to take no less time.
+    """
+
+    angle: Annotated[Positive, ANGLE]
+    speed: Annotated[Positive, ANGULAR_SPEED]
+    acceleration: Annotated[Positive, ANGULAR_ACCELERATION]
+
+    @property
+    def duration(self) -> float:
+        """The least time it takes, s: full acceleration, full speed if that is reached, full
+        braking."""
+        if self.angle * self.acceleration <= self.speed**2:
+            return 2 * sqrt(self.angle / self.acceleration)
+        return self.angle / self.speed + self.speed / self.acceleration
 
 
 class Near(Record):
