@@ -139,12 +139,7 @@ def _cycle(file: Path, content: dict[str, object]) -> Cycle:
 
 def load_job(path: str | Path) -> Scene | Cycle:
     """Read the file of a scene, or of a cycle, and the robot file it names. Raises SceneError."""
-    return load_cycle(path) if has_cycle(path) else load_scene(path)
-
-
-def has_cycle(path: str | Path) -> bool:
-    """Whether a file is that of a cycle."""
-    return "cycle" in read_yaml(Path(path))
+    return load_cycle(path) if "cycle" in read_yaml(Path(path)) else load_scene(path)
 
 
 def _in_leg(index: int, own: Mapping[str, object], key: str) -> str:
