@@ -72,16 +72,15 @@ class SceneError(Unusable):
         problem = self.problem or f"is {shown(self.value)}"
         return f"{where} {problem}; expected {self.expected}"
 
-    def inside(self, *, file: Path | None = None, key: str = "", place: str = "") -> SceneError:
-        """This error with its ``file`` and ``place`` in it, or with the ``key`` of the record that
-        contains it; a file and a place that it has stay where no others are given."""
-        dotted = ".".join(part for part in (key, self.key) if part)
-        file, place = (file, place) if file else (self.file, self.place)
-        return SceneError(file, dotted, self.value, self.expected, self.problem, place)
+    def at(self, file: Path | None, key: str, place: str = "") -> SceneError:
+        """This error with another key, in a ``place`` of a file."""
+        return SceneError(file, key, self.value, self.expected, self.problem, place)
 
-    def renamed(self, key: str) -> SceneError:
-        """This error with another key."""
-        return SceneError(self.file, key, self.value, self.expected, self.problem, self.place)
+    def inside(self, *, file: Path | None = None, key: str = "") -> SceneError:
+        """This error with its ``file``, or with the ``key`` of the record that contains it; a file
+        and a place that it has stay where no other file is given."""
+        dotted = ".".join(part for part in (key, self.key) if part)
+        return self.at(file, dotted) if file else self.at(self.file, dotted, self.place)
 
 
 @contextmanager

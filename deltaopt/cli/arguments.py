@@ -104,13 +104,6 @@ def kilograms(text: str) -> float:
         raise argparse.ArgumentTypeError(f"{text!r} is not a mass greater than 0") from None
 
 
-def seed(text: str) -> int:
-    """A whole number from 0 to 2⁶³ - 1, for argparse."""
-    if not (text.isascii() and text.isdigit() and len(text) < 20 and int(text) < 2**63):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 to 2⁶³ - 1")
-    return int(text)
-
-
 def _whole(text: str, least: int, most: int) -> int:
     """A whole number between two others, for argparse."""
     is_short = text.isascii() and text.isdigit() and len(text) <= len(str(most))
@@ -122,6 +115,7 @@ def _whole(text: str, least: int, most: int) -> int:
 one_or_more = partial(_whole, least=1, most=MOST)
 large_number = partial(_whole, least=1, most=999_999)
 """Of moves or places of a campaign."""
+seed = partial(_whole, least=0, most=2**63 - 1)
 first_intervals = partial(_whole, least=2, most=MOST_INTERVALS)
 """Of a first mesh."""
 

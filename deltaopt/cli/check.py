@@ -62,13 +62,14 @@ from deltaopt.robot.drive import Drive, Friction
 from deltaopt.robot.joints import controller_angles_in_words
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import load_robot
+from deltaopt.scene.cycle import Cycle
 from deltaopt.scene.feasibility import are_surely_feasible, check_feasible, perhaps_meant
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import Time
-from deltaopt.scene.rotation import Rotation
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.scene_file import has_cycle, load_cycle, load_scene
+from deltaopt.scene.scene_file import load_job
 from deltaopt.scene.task import distance, ends_in_words
+from deltaopt.scene.way import Rotation
 from deltaopt.verify.measures import MeasuredMotion
 
 _ORDERS = ("position", "velocity", "acceleration or torque", "rate of these")
@@ -94,8 +95,6 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.terms and arguments.json:
         raise WrongUsage("--terms prints a table; it has no --json")
     if arguments.terms:
-        if has_cycle(arguments.scene):
-            raise WrongUsage(f"--terms is for single motions; {arguments.scene} is a cycle")
         return _terms(arguments)
     content = read_yaml(arguments.scene)
     if "drive" in content and "robot" not in content:
@@ -106,17 +105,17 @@ def run(arguments: argparse.Namespace) -> int:
         angles = [f"{'angles':<13}{told}" for told in controller_angles_in_words(robot.joints)]
         print("\n".join([f"{'robot':<13}{robot.name}", *angles, *drive_table(robot.drive)]))
         return 0
-    if not has_cycle(arguments.scene):
-        return _check(arguments, load_scene(arguments.scene), {})
-    cycle = load_cycle(arguments.scene)
-    if cycle.on_belts:
+    job = load_job(arguments.scene)
+    if isinstance(job, Scene):
+        return _check(arguments, job, {})
+    if job.on_belts:
         raise WrongUsage(
             f"{arguments.scene} is a cycle with a belt, whose legs are known when it is planned: "
             "run deltaopt plan"
         )
-    for number, leg in enumerate(cycle.legs, 1):
+    for number, leg in enumerate(job.legs, 1):
         if not arguments.json:
-            print(f"{'leg':<13}{number} of {len(cycle.legs)}")
+            print(f"{'leg':<13}{number} of {len(job.legs)}")
         _check(arguments, leg, {"leg": number})
     return 0
 
@@ -202,7 +201,9 @@ def _terms(arguments: argparse.Namespace) -> int:
     from deltaopt.compare.model_terms import effects_of_terms, terms_table
     from deltaopt.plots.model_terms import draw_terms
 
-    scene = load_scene(arguments.scene)
+    scene = load_job(arguments.scene)
+    if isinstance(scene, Cycle):
+        raise WrongUsage(f"--terms is for single motions; {arguments.scene} is a cycle")
     check_feasible(scene)
     directory, chart = output_directory(arguments), "terms.png"
     effects = effects_of_terms(scene, ProgressBar())

@@ -24,7 +24,7 @@ from deltaopt.files.output_folder import all_or_none
 from deltaopt.files.tables import text_table
 from deltaopt.files.yaml_file import write_yaml
 from deltaopt.output.starting_files import FilesExist
-from deltaopt.sensitivity.numbers import content_of
+from deltaopt.sensitivity.keys import content_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -35,7 +35,7 @@ from deltaopt.cli.streams import present, print_written
 from deltaopt.errors import DeltaOptError, Infeasible, if_possible
 from deltaopt.files.atomic_write import require_replaceable, write_text
 from deltaopt.files.output_folder import all_or_none
-from deltaopt.files.units import Misread, Quantity
+from deltaopt.files.units import DURATION, Misread
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.cam_tables import CAM, Cams, write_cams
 from deltaopt.output.cycle_files import load_legs, told_of_period
@@ -163,7 +163,7 @@ def _rows(text: str) -> Rows:
     if text == "own-knots":
         return Rows()
     try:
-        cycle = positive(str(Quantity("s").in_si(text)))
+        cycle = positive(str(DURATION.in_si(text)))
     except (Misread, argparse.ArgumentTypeError):
         cycle = 0.0
     if not (text.endswith("s") and 1e-6 <= cycle <= 10):

@@ -53,7 +53,7 @@ from deltaopt.cli.streams import (
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.errors import DeltaOptError, SceneError
 from deltaopt.files.output_folder import require_writable
-from deltaopt.files.yaml_file import place_of
+from deltaopt.files.yaml_file import placed_in
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.cycle_files import content_of_cycle, details_of_cycle, told_of_cycle, verified
 from deltaopt.output.facts import facts
@@ -79,7 +79,7 @@ from deltaopt.report.folders import Drawn, save, save_cycle
 from deltaopt.scene.cycle import Cycle, there_and_back
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.scene_file import has_cycle, load_cycle, load_scene
+from deltaopt.scene.scene_file import load_job
 from deltaopt.sensitivity.sensitivity import Sensitivity, for_machines, told_of_sensitivity
 
 FORMULATIONS: dict[str, Callable[[LoopClosure], ProblemFormulation]] = {
@@ -196,18 +196,14 @@ def _run(arguments: argparse.Namespace) -> int:
 def _load(file: Path, is_rated: bool) -> Scene | Cycle:
     """The scene or the cycle of a file; with ``is_rated`` there and back of a scene. Raises
     SceneError, also where the robot does not say what its motors are rated for."""
-    if has_cycle(file):
-        return load_cycle(file)
-    scene = load_scene(file)
-    if not is_rated:
-        return scene
-    if scene.robot.rms_torque is None:
+    job = load_job(file)
+    if isinstance(job, Cycle) or not is_rated:
+        return job
+    if job.robot.rms_torque is None:
         expected = "drive.rms_torque or a motor's rated_torque in its file, for --rated"
         raise SceneError(file, "robot", None, expected, "does not say what motors are rated for")
-    try:
-        return there_and_back(scene)
-    except SceneError as error:
-        raise error.inside(file=file, place=place_of(file, error.key)) from None
+    with placed_in(file):
+        return there_and_back(job)
 
 
 def _plan(

@@ -14,15 +14,13 @@ from deltaopt.errors import SceneError
 from deltaopt.files.csv_table import WrongCsv, read_csv
 from deltaopt.files.units import DURATION
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Text, optional
-from deltaopt.files.yaml_file import place_of, read_yaml
+from deltaopt.files.yaml_file import placed_in, read_yaml
 from deltaopt.scene.scene_file import load_job
-from deltaopt.sensitivity.keys import Content, changed
-from deltaopt.sensitivity.numbers import content_of, job_of, numbers_in
+from deltaopt.sensitivity.keys import Content, changed, content_of, job_of, numbers_in
 
 _KEY = "a key of a scene or of its robot, such as robot.drive.gear.ratio"
 _MAPPINGS = "a list of mappings with the keys"
 _CATALOGUES = f"{_MAPPINGS} file, name, price, number, columns"
-_LONGEST = "a duration in s, greater than 0"
 
 
 class Change(Record):
@@ -67,7 +65,7 @@ class DesignFile(Record):
     catalogues: tuple[Catalogue, ...] = Field((), description=_CATALOGUES)
     over: Literal["sum", "worst"] = Field(default="sum", description="sum or worst")
     per_second: NonNegative = Field(default=1.0, description="a price, at least 0")
-    longest: Annotated[Positive, DURATION] | None = optional(_LONGEST)
+    longest: Annotated[Positive, DURATION] | None = None
 
 
 @dataclass(frozen=True)
@@ -148,9 +146,9 @@ def _rows(file: Path, index: int, asked: Catalogue) -> tuple[Choice, ...]:
                 raise WrongCsv(f"has no column {head}")
         prices = asked.number * table.columns(price).sum(axis=1)
     except WrongCsv as error:
-        key = f"catalogues[{index}].file"
-        place, expected = place_of(file, key), "a CSV file with the columns that are named"
-        raise SceneError(file, key, asked.file, expected, str(error), place) from None
+        key, expected = f"catalogues[{index}].file", "a CSV file with the columns that are named"
+        with placed_in(file):
+            raise SceneError(None, key, asked.file, expected, str(error)) from None
     found = list[Choice]()
     for cells, cost in zip(table.rows, prices.tolist(), strict=True):
         row = dict(zip(table.names, cells, strict=True))

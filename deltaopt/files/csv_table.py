@@ -75,8 +75,7 @@ def write_csv(
         temporary.open("w", encoding="utf-8", newline="\n") as out,
     ):
         out.writelines(f"# {remark}\n" for remark in remarks)
-        out.write(",".join(names) + "\n")
-        out.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+        csv.writer(out, lineterminator="\n").writerows(chain([names], rows))
 
 
 def csv_text(names: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

@@ -50,14 +50,16 @@ class Misread(ValueError):
 class Quantity:
     """A quantity: its SI ``unit``, and ``others`` that count as the same.
 
-    ``most``: the largest size that one at a Delta robot or in its cell has, in the SI unit.
-    ``datasheets``: units in which its numbers are often given; a larger one is probably in these.
+    ``words``: what a number of it is: "a length in m". ``most``: the largest size that one at a
+    Delta robot or in its cell has, in the SI unit. ``datasheets``: units in which its
+    numbers are often given; a larger one is probably in these.
     """
 
     unit: str
-    others: tuple[str, ...] = ()
+    words: str
     most: float = inf
     datasheets: tuple[str, ...] = ()
+    others: tuple[str, ...] = ()
 
     def __get_pydantic_core_schema__(self, kind: Any, rest: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_before_validator_function(self.in_si, rest(kind))
@@ -152,35 +154,40 @@ def _registry() -> Any:
     return registry
 
 
-LENGTH = Quantity("m", (), 10.0, ("mm",))
-WIDTH = Quantity("m", (), 1.0, ("mm",))
+LENGTH = Quantity("m", "a length in m", 10.0, ("mm",))
+WIDTH = Quantity("m", "a length in m", 1.0, ("mm",))
 """How wide a part of a robot, a gap or a rounding is."""
-EXTENT = Quantity("m", (), 100.0, ("mm",))
+EXTENT = Quantity("m", "a length in m", 100.0, ("mm",))
 """Where a body ends, which may be drawn far larger than the cell."""
-MASS = Quantity("kg", (), 200.0, ("g",))
-SMALL_MASS = Quantity("kg", (), 20.0, ("g",))
+MASS = Quantity("kg", "a mass in kg", 200.0, ("g",))
+SMALL_MASS = Quantity("kg", "a mass in kg", 20.0, ("g",))
 """Of pins and the like."""
-DURATION = Quantity("s", (), 1e3, ("ms",))
-ANGLE = Quantity("rad", (), 4 * pi, ("deg",))
-SPEED = Quantity("m/s", (), 100.0, ("mm/s",))
-ANGULAR_SPEED = Quantity("rad/s", (), 700.0, ("deg/s", "rpm"))
+DURATION = Quantity("s", "a duration in s", 1e3, ("ms",))
+ANGLE = Quantity("rad", "an angle in rad", 4 * pi, ("deg",))
+SPEED = Quantity("m/s", "a speed in m/s", 100.0, ("mm/s",))
+ANGULAR_SPEED = Quantity("rad/s", "an angular speed in rad/s", 700.0, ("deg/s", "rpm"))
 """Of a gripper or an arm, which may be at a motor's shaft, without a gear."""
-MOTOR_SPEED = Quantity("rad/s", (), 2500.0, ("rpm",))
-ACCELERATION = Quantity("m/s^2", (), 1e4, ("mm/s^2",))
-GRAVITY = Quantity("m/s^2", (), 100.0, ("mm/s^2",))
-ANGULAR_ACCELERATION = Quantity("rad/s^2", (), 1e4, ("deg/s^2",))
-INERTIA = Quantity("kg*m^2", (), 50.0, ("kg*cm^2", "g*cm^2"))
-ROTOR_INERTIA = Quantity("kg*m^2", (), 2.0, ("kg*cm^2", "g*cm^2"))
+MOTOR_SPEED = Quantity("rad/s", "an angular speed in rad/s", 2500.0, ("rpm",))
+ACCELERATION = Quantity("m/s^2", "an acceleration in m/s²", 1e4, ("mm/s^2",))
+GRAVITY = Quantity("m/s^2", "an acceleration in m/s²", 100.0, ("mm/s^2",))
+ANGULAR_ACCELERATION = Quantity("rad/s^2", "an angular acceleration in rad/s²", 1e4, ("deg/s^2",))
+INERTIA = Quantity("kg*m^2", "a moment of inertia in kg·m²", 50.0, ("kg*cm^2", "g*cm^2"))
+ROTOR_INERTIA = Quantity("kg*m^2", "a moment of inertia in kg·m²", 2.0, ("kg*cm^2", "g*cm^2"))
 """Of a motor, a brake or a gear at the motor's side."""
-TORQUE = Quantity("N*m", (), 5000.0, ("N*mm",))
-MOTOR_TORQUE = Quantity("N*m", (), 500.0, ("N*mm",))
-TORQUE_RATE = Quantity("N*m/s", (), 1e8, ("N*mm/s",))
-JERK = Quantity("m/s^3", (), 1e7, ("mm/s^3",))
-ANGULAR_JERK = Quantity("rad/s^3", (), 1e8, ("deg/s^3",))
-VISCOUS_FRICTION = Quantity("N*m*s/rad", ("N*m*s",), 1e4, ("N*mm*s/rad",))
-RATIO = Quantity("")
+TORQUE = Quantity("N*m", "a torque in N·m", 5000.0, ("N*mm",))
+MOTOR_TORQUE = Quantity("N*m", "a torque in N·m", 500.0, ("N*mm",))
+TORQUE_RATE = Quantity("N*m/s", "a rate of torque in N·m/s", 1e8, ("N*mm/s",))
+FORCE_PER_MASS = Quantity("m/s^2", "a specific force in m/s²", 1e4, ("mm/s^2",))
+JERK = Quantity("m/s^3", "a jerk in m/s³", 1e7, ("mm/s^3",))
+ANGULAR_JERK = Quantity("rad/s^3", "an angular jerk in rad/s³", 1e8, ("deg/s^3",))
+VISCOUS_FRICTION = Quantity(
+    "N*m*s/rad", "a friction in N·m·s/rad", 1e4, ("N*mm*s/rad",), others=("N*m*s",)
+)
+RATIO = Quantity("", "a number")
 """A number without a unit, or in percent."""
-EFFICIENCY = Quantity("", (), 1.0, ("%",))
-EFFORT_WEIGHT = Quantity("1/(N^2*m^2)")
-JERK_WEIGHT = Quantity("s^6/m^2")
-TORQUE_RATE_WEIGHT = Quantity("s^2/(N^2*m^2)")
+VOLUME_OF_DIRECTIONS = Quantity("", "a distance without unit")
+"""That three unit vectors span, which is 0 where they lie in a plane."""
+EFFICIENCY = Quantity("", "a number", 1.0, ("%",))
+EFFORT_WEIGHT = Quantity("1/(N^2*m^2)", "a weight of the effort in 1/(N²m²)")
+JERK_WEIGHT = Quantity("s^6/m^2", "a weight of the squared jerk in s⁶/m²")
+TORQUE_RATE_WEIGHT = Quantity("s^2/(N^2*m^2)", "a weight of the squared torque rates in s²/(N²m²)")

@@ -11,7 +11,8 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from functools import cached_property, lru_cache
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Self, get_args, get_origin
+from types import NoneType
+from typing import TYPE_CHECKING, Annotated, Any, Self, get_args, get_origin, get_type_hints
 
 import numpy as np
 from pydantic import (
@@ -27,8 +28,8 @@ from pydantic import (
 )
 
 from deltaopt.errors import SceneError, shown
-from deltaopt.files.units import Misread
-from deltaopt.files.yaml_file import place_of
+from deltaopt.files.units import Misread, Quantity
+from deltaopt.files.yaml_file import placed_in
 from deltaopt.settings import holds_numbers
 
 if TYPE_CHECKING:
@@ -65,6 +66,25 @@ def vector3(values: Iterable[float]) -> Vector3:
     return x, y, z
 
 
+def described(kind: Any) -> str | None:
+    """What is expected of a number, or of one for each motor, by its type: "a length in m, greater
+    than 0"; None where the type does not tell."""
+    kinds = get_args(kind)
+    marks = get_args(kinds[0]) if NoneType in kinds else kinds
+    quantity = next((each for each in marks if isinstance(each, Quantity)), None)
+    if quantity is None:
+        return None
+    if marks[0] == PerMotor:
+        return f"one {quantity.words.partition(' ')[2]}, greater than 0, or three"
+    ranges = {
+        "greater than 0": Positive,
+        "at least 0": NonNegative,
+        "greater than 0 and below 1": Below1,
+    }
+    own = (words for words, kind in ranges.items() if marks[:-1] == get_args(kind))
+    return next((f"{quantity.words}, {words}" for words in own), None)
+
+
 def optional(expected: str, **rules: Any) -> Any:
     """A key that may be left out: what it is expected to be, and rules of pydantic for it."""
     return Field(default=None, description=expected, **rules)
@@ -90,7 +110,11 @@ class Record(BaseModel, metaclass=_Listed):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
-        """Give names and defaults alone as the signature: types with their units fill a screen."""
+        """Describe fields whose types say what is expected, and give names and defaults alone as
+        the signature: types with their units fill a screen."""
+        kinds = get_type_hints(cls, include_extras=True)
+        for name, field in cls.model_fields.items():
+            field.description = field.description or described(kinds.get(name))
         parameters = signature(cls).parameters.values()
         plain = [each.replace(annotation=Parameter.empty) for each in parameters]
         cls.__signature__ = Signature(plain)
@@ -114,10 +138,8 @@ class Record(BaseModel, metaclass=_Listed):
 
         Raises SceneError, naming file and key, if a key is unknown or missing or a value wrong.
         """
-        try:
+        with placed_in(file):
             return cls.model_validate(content)
-        except SceneError as error:
-            raise error.inside(file=file, place=place_of(file, error.key)) from None
 
     @cached_property
     def fields_hash(self) -> int:
@@ -215,19 +237,15 @@ def _place_in_list(record: type[Record], key: str, value: object) -> str:
     list of records."""
     kind = record.model_fields[key].annotation
     lists = [one for one in (kind, *get_args(kind)) if get_origin(one) is tuple]
-    inner = [one for each in lists for one in get_args(each)[:1]]
-    if not isinstance(value, list | tuple):
+    if not (lists and isinstance(value, list | tuple)):
         return ""
-    for one in inner:
-        if isinstance(one, type) and issubclass(one, Record):
-            wrong = (i for i, each in enumerate(value) if not _is_valid(one, each))
-            return f"[{next(wrong)}]"
-    return ""
+    adapter = TypeAdapter[Any](get_args(lists[0])[0])
+    return f"[{next(i for i, each in enumerate(value) if not _is_valid(adapter, each))}]"
 
 
-def _is_valid(record: type[Record], value: object) -> bool:
+def _is_valid(adapter: TypeAdapter[Any], value: object) -> bool:
     try:
-        record.model_validate(value)
+        adapter.validate_python(value)
     except (SceneError, ValidationError):
         return False
     return True

@@ -8,6 +8,8 @@ a sexagesimal number by surprise: ``payload: yes`` is text, which the records th
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 
@@ -72,6 +74,17 @@ def place_of(file: Path, key: str) -> str:
     if found is None:
         return ""
     return f"line {found.start_mark.line + 1}, column {found.start_mark.column + 1}"
+
+
+@contextmanager
+def placed_in(file: Path, named: Callable[[str], str] = str) -> Iterator[None]:
+    """What is wrong in the content of a file is raised with file, line and column; ``named``: how
+    the file calls the key of what is wrong."""
+    try:
+        yield
+    except SceneError as error:
+        key = named(error.key)
+        raise error.at(file, key, place_of(file, key)) from None
 
 
 def _inside(node: yaml.Node | None, name: str) -> yaml.Node | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, starmap
 from typing import Any
 
 import casadi as ca
@@ -87,8 +87,13 @@ class Constraints:
 
     def with_numbers(self, numbers: SX) -> Iterator[tuple[Limit, SX]]:
         """Every item's limit, and its own of these numbers."""
-        ends = np.cumsum([0, *(size for _, size in self.items)]).tolist()
-        return zip(self.limits, [numbers[a:b] for a, b in pairwise(ends)], strict=True)
+        return zip(self.limits, [numbers[own] for own in self.places], strict=True)
+
+    @cached_property
+    def places(self) -> tuple[slice, ...]:
+        """Where the numbers of each item are."""
+        ends = np.cumsum([0, *(size for _, size in self.items)])
+        return tuple(starmap(slice, pairwise(ends.tolist())))
 
     def item_of(self, row: int) -> tuple[int, int]:
         """The item that a row belongs to, and which of its rows it is."""
@@ -110,7 +115,7 @@ class Constraints:
         """Where the rows of each item are."""
         any_motion, parts = AnyInstant(self.motors), self.with_numbers(self.numbers())
         ends = np.cumsum([0, *(limit.rows(any_motion, own).numel() for limit, own in parts)])
-        return tuple(slice(a, b) for a, b in pairwise(ends.tolist()))
+        return tuple(starmap(slice, pairwise(ends.tolist())))
 
     @property
     def number(self) -> int:
@@ -300,13 +305,13 @@ class Constraints:
         numbers of the limits begin among those that ``Alike.numbers`` is about."""
         motion = AnyInstant(self.motors)
         motion.x = x
-        for (limit, size), rows in zip(self.items, self.slices, strict=True):
+        for limit, place, rows in zip(self.limits, self.places, self.slices, strict=True):
             if isinstance(limit, ConvexLimit):
-                which, numbers = range(rows.start, rows.stop), slice(first, first + size)
-                own = SX.sym("own", size // len(which))
+                which = range(rows.start, rows.stop)
+                numbers = slice(first + place.start, first + place.stop)
+                own = SX.sym("own", (place.stop - place.start) // len(which))
                 row, measure = limit.rows(motion, own), limit.measure(motion, own)
                 yield Alike(which, numbers, own, row, measure)
-            first += size
 
     def of_order(self, order: int) -> Index:
         """Indices of the rows of an order."""

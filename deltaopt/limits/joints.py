@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated
 
 import casadi as ca
 
@@ -30,15 +30,10 @@ from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Limit, Nu
 from deltaopt.limits.norms_and_ranges import MotorLimit, Range
 from deltaopt.mechanisms.instant import LighterInstant
 
-
-def _key(name: str, unit: Any, one: str) -> Key:
-    return Key(name, Annotated[PerMotor, unit], f"{one}, greater than 0, or three")
-
-
-_TORQUE = _key("torque", TORQUE, "one torque in N·m")
-_SPEED = _key("speed", ANGULAR_SPEED, "one angular speed in rad/s")
-_RATE = _key("torque_rate", TORQUE_RATE, "one rate of torque in N·m/s")
-_JERK = _key("joint_jerk", ANGULAR_JERK, "one angular jerk in rad/s³")
+_TORQUE = Key("torque", Annotated[PerMotor, TORQUE])
+_SPEED = Key("speed", Annotated[PerMotor, ANGULAR_SPEED])
+_RATE = Key("torque_rate", Annotated[PerMotor, TORQUE_RATE])
+_JERK = Key("joint_jerk", Annotated[PerMotor, ANGULAR_JERK])
 
 TORQUE_LIMIT = MotorLimit("torque", "N·m", 2, "tau", "torque_limits", (2,), _TORQUE)
 """Largest torque of each motor at its arm."""

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from deltaopt.curves.piecewise import Array, Index
-from deltaopt.files.validated_record import Vector3
+from deltaopt.files.validated_record import Vector3, described
 from deltaopt.mechanisms.instant import Instant as Instant
 from deltaopt.robot.machine import Machine
 from deltaopt.robot.solids import Convex, Solid
@@ -35,17 +35,15 @@ class Described(Protocol):
     """What a limit may read of a scene: robot, payload (kg; the largest and the least, if it
     varies), the points that are known of start, goal and the way (m), bodies, and its own key."""
 
+    payload: float | None
+    least_payload: float | None
+    tube: float | None
+    """How far it may be from the path that is given, m; None if it stays on it, if any."""
+
     @property
     def robot(self) -> Machine: ...
     @property
-    def payload(self) -> float | None: ...
-    @property
-    def least_payload(self) -> float | None: ...
-    @property
     def placed_points(self) -> tuple[Vector3, ...]: ...
-
-    @property
-    def given_points(self) -> tuple[Vector3, ...]: ...
 
     @property
     def columns(self) -> tuple[()] | tuple[Column, Column]:
@@ -62,10 +60,6 @@ class Described(Protocol):
     @property
     def kept_links(self) -> Sequence[KeptLink]:
         """Which arms and forearms are planned to keep clear of which bodies."""
-
-    @property
-    def tube(self) -> float | None:
-        """How far it may be from the path that is given, m; None if it stays on it, if any."""
 
     @property
     def axis_of_tube(self) -> Array:
@@ -150,11 +144,15 @@ class Bounds:
 
 @dataclass(frozen=True)
 class Key:
-    """A key under ``limits`` in a scene file: its name, its type for pydantic, what is expected."""
+    """A key under ``limits`` in a scene file: its name, and its type for pydantic."""
 
     name: str
     type: Any
-    expected: str
+
+    @property
+    def expected(self) -> str:
+        """What the value is expected to be."""
+        return str(described(self.type))
 
 
 class OwnMeasure(Enum):

@@ -15,7 +15,7 @@ from math import hypot
 from typing import Annotated
 
 from deltaopt.errors import SceneError
-from deltaopt.files.units import ACCELERATION, JERK, SPEED
+from deltaopt.files.units import ACCELERATION, FORCE_PER_MASS, JERK, SPEED
 from deltaopt.files.validated_record import Positive
 from deltaopt.limits.limit import SX, Described, Instant, Key, Numbers
 from deltaopt.limits.norms_and_ranges import Norm
@@ -37,25 +37,19 @@ class _SpecificForce(Norm):
         return []
 
 
-_SPEED = Key("platform_speed", Annotated[Positive, SPEED], "a speed in m/s, greater than 0")
-_ACCELERATION = Key(
-    "acceleration", Annotated[Positive, ACCELERATION], "an acceleration in m/s², greater than 0"
-)
+_SPEED = Key("platform_speed", Annotated[Positive, SPEED])
+_ACCELERATION = Key("acceleration", Annotated[Positive, ACCELERATION])
+_SPECIFIC_FORCE = Key("specific_force", Annotated[Positive, FORCE_PER_MASS])
+_JERK = Key("jerk", Annotated[Positive, JERK])
 PLATFORM_SPEED = Norm("platform speed", "m/s", "platform", 1, "v", (2,), _SPEED)
 """Largest speed of the platform in any direction."""
 PLATFORM_ACCELERATION = Norm(
     "acceleration", "m/s²", "platform", 2, "a", (4,), _ACCELERATION, out_of_reach=False
 )
 """Largest acceleration of the platform in any direction."""
-_SPECIFIC_FORCE = Key(
-    "specific_force",
-    Annotated[Positive, ACCELERATION],
-    "a specific force in m/s², greater than 0",
-)
 SPECIFIC_FORCE = _SpecificForce(
     "specific force", "m/s²", "payload", 2, "a", (2, 4), _SPECIFIC_FORCE
 )
 """Largest force on the payload over its mass, in any direction."""
-_JERK = Key("jerk", Annotated[Positive, JERK], "a jerk in m/s³, greater than 0")
 PLATFORM_JERK = Norm("jerk", "m/s³", "platform", 3, "j", (6,), _JERK, out_of_reach=False)
 """Largest jerk of the platform in any direction."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from itertools import pairwise, starmap
-from typing import Generic, TypeVar
+from itertools import pairwise
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -65,15 +65,13 @@ class SceneLimits:
     @property
     def of_items(self) -> list[Array]:
         """The numbers of each item."""
-        return [self.numbers[own] for _, own, _ in self._places]
+        return [self.numbers[own] for own in self.constraints.places]
 
     @property
-    def _places(self) -> list[tuple[Limit, slice, slice]]:
+    def _placed(self) -> Iterator[Placed[Any]]:
         """The limit of each item, and where its numbers and its rows are."""
         of = self.constraints
-        ends = np.cumsum([0, *(size for _, size in of.items)]).tolist()
-        numbers = starmap(slice, pairwise(ends))
-        return list(zip(of.limits, numbers, of.slices, strict=True))
+        return map(Placed, of.limits, of.places, of.slices)
 
     @cached_property
     def phased(self) -> Placed[PhasedLimit] | None:
@@ -133,11 +131,12 @@ class SceneLimits:
     def _convex_rows(self) -> list[tuple[ConvexLimit, slice]]:
         """Of each of these rows its limit and the place of the numbers of its body."""
         found = list[tuple[ConvexLimit, slice]]()
-        for limit, own, rows in self._places:
-            if isinstance(limit, ConvexLimit):
-                each = (own.stop - own.start) // (rows.stop - rows.start)
-                parts = pairwise(range(own.start, own.stop + 1, each))
-                found += [(limit, slice(*part)) for part in parts]
+        for each in self._placed:
+            if isinstance(each.limit, ConvexLimit):
+                own, rows = each.numbers, each.rows
+                size = (own.stop - own.start) // (rows.stop - rows.start)
+                parts = pairwise(range(own.start, own.stop + 1, size))
+                found += [(each.limit, slice(*part)) for part in parts]
         return found
 
     def with_part(self, place: slice, part: Array) -> Array:
@@ -155,10 +154,7 @@ class SceneLimits:
 
     def _first(self, kind: type[_L]) -> Placed[_L] | None:
         """The first limit of a kind, if there is one."""
-        for limit, numbers, rows in self._places:
-            if isinstance(limit, kind):
-                return Placed(limit, numbers, rows)
-        return None
+        return next((each for each in self._placed if isinstance(each.limit, kind)), None)
 
     @cached_property
     def bound_exponents(self) -> Array:
@@ -172,7 +168,7 @@ class SceneLimits:
 
     def upper(self, name: str) -> Array | None:
         """The upper bounds of a limit, by its name; None where it does not exist."""
-        found = (rows for limit, _, rows in self._places if limit.name == name)
+        found = (each.rows for each in self._placed if each.limit.name == name)
         return next((self.bounds[1][rows] for rows in found), None)
 
 

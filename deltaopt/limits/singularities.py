@@ -26,7 +26,7 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.errors import Unreachable
-from deltaopt.files.units import RATIO
+from deltaopt.files.units import VOLUME_OF_DIRECTIONS
 from deltaopt.files.validated_record import Below1
 from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Limit, Numbers
 from deltaopt.robot.model import model_of
@@ -88,17 +88,12 @@ class KeptVolume(Limit):
         return numbers[1] * super().measure(motion, numbers)
 
 
-def _key(name: str) -> Key:
-    return Key(
-        name, Annotated[Below1, RATIO], "a distance without unit, greater than 0 and below 1"
-    )
-
-
+_Volume = Annotated[Below1, VOLUME_OF_DIRECTIONS]
 PARALLEL_SINGULARITY = KeptVolume(
-    "distance to the parallel singularity", "parallel_margin", _key("parallel_singularity")
+    "distance to the parallel singularity", "parallel_margin", Key("parallel_singularity", _Volume)
 )
 """Least volume that unit vectors along the three bars span."""
 TILT_SINGULARITY = KeptVolume(
-    "distance to the tilt of the platform", "tilt_margin", _key("tilt_singularity")
+    "distance to the tilt of the platform", "tilt_margin", Key("tilt_singularity", _Volume)
 )
 """Least volume that the unit normals of the three parallelograms span."""

@@ -25,6 +25,8 @@ from deltaopt.limits.solid_distance import root
 
 _PARTS = 8
 """Of a rounding: with fewer Newton's method needs more steps, more take longer to compare."""
+_SHRUNK = float(_PARTS) ** np.arange(5)[:, None]
+"""By which the coefficients of a polynomial over such a part are less than those over all."""
 _STEPS = 3
 """Of Newton's method from a chord: a rounding of 90 degrees then leaves less than 1e-12 m."""
 _PLACES = (1, 10, 19, 64)
@@ -125,14 +127,9 @@ def parts_of(pieces: Array) -> list[Array]:
     for piece in pieces:
         whole = np.zeros((5, 3))
         whole[: len(piece)] = piece
-        bends = whole[2:].any()
-        found += [_part(whole, i, _PARTS) for i in range(_PARTS)] if bends else [whole]
+        cut = (shifted(whole, i / _PARTS) / _SHRUNK for i in range(_PARTS))
+        found += cut if whole[2:].any() else [whole]
     return found
-
-
-def _part(whole: Array, which: int, of: int) -> Array:
-    """One of so many equal parts of a polynomial over shares from 0 to 1."""
-    return shifted(whole, which / of) / float(of) ** np.arange(len(whole))[:, None]
 
 
 def _of_part(part: Array, is_first: bool, is_last: bool) -> Numbers:

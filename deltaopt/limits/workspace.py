@@ -65,7 +65,7 @@ class ApproachLimit(PhasedLimit):
             return []
         start, goal = scene.columns
         level = max(start.level, goal.level)
-        ends = [point[0] for point in scene.given_points]
+        ends = [point[0] for point in scene.placed_points]
         size = min(end - column.level for end, column in zip(ends, scene.columns, strict=True))
         return [(*_circle(start), *_circle(goal), level, _ANYWHERE, size)]
 

@@ -3,13 +3,11 @@ tube and the cylinders that a motion stays in."""
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.robot.tool import Box, Sphere
-from deltaopt.scene.bodies import Body, Cylinder, HalfSpace
+from deltaopt.scene.bodies import Body, Cylinder, HalfSpace, Hull, corners_of
 from deltaopt.scene.scene import Scene
 
 _ROUND = 48
@@ -18,13 +16,12 @@ _ALONG_TUBE = 150
 """Points of a tube's axis."""
 
 
-def corners_of(body: Body, far: float) -> Array:
+def hulled_points(body: Body, far: float) -> Array:
     """Points of a body of which it is the convex hull, about, (N, 3), m. A half-space is drawn as
     far as ``far`` (m) about its point and behind it."""
     shape = body.shape
-    if isinstance(shape, Box):
-        corners = np.array(list(product((-1.0, 1.0), repeat=3)))
-        return np.asarray(np.array(shape.centre) + corners * shape.half)
+    if isinstance(shape, Box | Hull):
+        return corners_of(shape)
     if isinstance(shape, Sphere):
         up, around = np.meshgrid(np.linspace(0, np.pi, _ROUND // 2), _angles())
         directions = [np.cos(up), np.sin(up) * np.cos(around), np.sin(up) * np.sin(around)]
@@ -32,10 +29,8 @@ def corners_of(body: Body, far: float) -> Array:
         return np.asarray(np.array(shape.centre) + shape.radius * ball)
     if isinstance(shape, Cylinder):
         return np.vstack(_rims(shape))
-    if isinstance(shape, HalfSpace):
-        plane, normal = _disc(shape, np.array(shape.point), far)
-        return np.vstack([plane, plane + far * normal])
-    return np.array(shape.points)
+    plane, normal = _disc(shape, np.array(shape.point), far)
+    return np.vstack([plane, plane + far * normal])
 
 
 def edges_of(body: Body, about: Array, far: float) -> list[Array]:
@@ -44,7 +39,7 @@ def edges_of(body: Body, about: Array, far: float) -> list[Array]:
     A sphere and a hull have none."""
     shape = body.shape
     if isinstance(shape, Box):
-        corners = corners_of(body, far)
+        corners = corners_of(shape)
         pairs = [(i, i | bit) for i in range(8) for bit in (1, 2, 4) if not i & bit]
         return [corners[[i, j]] for i, j in pairs]
     if isinstance(shape, Cylinder):

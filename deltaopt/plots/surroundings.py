@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, Patch, Polygon
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.body_outlines import axis_points, columns_of, corners_of, edges_of
+from deltaopt.output.body_outlines import axis_points, columns_of, edges_of, hulled_points
 from deltaopt.plots.colours import BLACK, GREY, LIGHT_BLUE, LIGHT_GREY, ORANGE
 from deltaopt.scene.scene import Scene
 
@@ -46,7 +46,7 @@ def draw_bodies(axes: Axes, scene: Scene, place: Place) -> None:
             seen_normal = np.diff(place(np.array([np.zeros(3), body.half_space.normal])), axis=0)
             if np.linalg.norm(seen_normal) < 1e-6:  # its plane is seen from its front: all is body
                 continue
-        outline = place(corners_of(body, _FAR))
+        outline = place(hulled_points(body, _FAR))
         shadow = Polygon(_hull(outline), color=LIGHT_GREY, linewidth=0.0, zorder=0)
         axes.add_artist(shadow)  # which, unlike a patch, does not widen the range
         if body.half_space is None:
@@ -61,7 +61,7 @@ def draw_bodies_near(axes: Axes, scene: Scene, path: Array, place: Place) -> Non
     low, high = low - beside, high + beside
     for body in scene.keep_out or ():
         edges = edges_of(body, path.mean(axis=0), 2 * beside)
-        outline = corners_of(body, _FAR)
+        outline = hulled_points(body, _FAR)
         if body.half_space is not None:
             (outline,) = edges
         elif (outline.min(axis=0) > high).any() or (outline.max(axis=0) < low).any():
@@ -77,7 +77,7 @@ def draw_bodies_near(axes: Axes, scene: Scene, path: Array, place: Place) -> Non
 def draw_allowed(axes: Axes, scene: Scene, place: Place) -> None:
     """Draw the tube and the cylinders that a scene's motion stays in."""
     shapes: list[Patch] = [
-        Polygon(_hull(place(corners_of(column, _FAR)))) for column in columns_of(scene)
+        Polygon(_hull(place(hulled_points(column, _FAR)))) for column in columns_of(scene)
     ]
     radius = _radius(scene.tube or 0.0, place)
     shapes += [Circle((x, y), radius) for x, y in place(axis_points(scene)).tolist()]

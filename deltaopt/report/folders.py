@@ -70,10 +70,10 @@ def _write(folder: Path, facts: Facts, rate: float, drawn: Drawn) -> list[str]:
         written.append(_LIMITS)
         draw_limits(folder / _LIMITS, facts)
     if drawn.report:
-        from deltaopt.report.page import write_report
+        from deltaopt.report.page import report
 
         written.append(_REPORT)
-        write_report(folder / _REPORT, facts)
+        write_text(folder / _REPORT, report(facts))
     return written
 
 

@@ -29,11 +29,10 @@ def _terms(scene: Scene) -> dict[str, bool]:
     """Every term, and whether the scene's model has it."""
     robot, drive = as_delta(scene.robot), scene.robot.drive
     tool, parameters = robot.tool, delta_model(robot, scene.payload).numbers
-    gravity = robot.gravity if isinstance(robot.gravity, tuple) else (robot.gravity,)
     return {
         "masses and inertia of platform, arms and forearms": True,
         "payload": scene.payload is not None,
-        "gravity": any(gravity),
+        "gravity": any(robot.gravity_vector),
         "inertia of the bars about their length": parameters.I42 is not None,
         "masses of the elbows": bool(robot.elbow and robot.elbow.mass),
         "masses of the pins at the platform": bool(robot.platform.pins),

@@ -13,7 +13,7 @@ from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.motion.active_limits import ActiveLimit, share_curves
 from deltaopt.motion.motion_sequence import MotionSequence
 from deltaopt.motion.trajectory import Trajectory, ends_of
-from deltaopt.output.body_outlines import axis_points, columns_of, corners_of, edges_of
+from deltaopt.output.body_outlines import axis_points, columns_of, edges_of, hulled_points
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.scene.scene import Scene
@@ -80,11 +80,7 @@ def drawing(parts: Sequence[Moving]) -> dict[str, object]:
         "via": [{"at": list(each.position), "within": each.within} for each in vias],
         "bodies": list(drawn.values()),
         "belts": [way for part in parts for way in _belts(part)],
-        "frames": {
-            "t": _rounded(frames.t, 7),
-            "x": _rounded(frames.x, 7),
-            "theta": _rounded(frames.theta, 7),
-        },
+        "frames": {name: _rounded(getattr(frames, name), 7) for name in ("t", "x", "theta")},
         "curves": {
             "t": _rounded(t, 7),
             "of": [
@@ -125,7 +121,7 @@ def bodies(scene: Scene) -> list[dict[str, object]]:
         if body.sphere is not None:
             outline = {"centre": list(body.sphere.centre), "radius": body.sphere.radius}
         else:
-            corners = [] if body.half_space else _rounded(corners_of(body, reach), 6)
+            corners = [] if body.half_space else _rounded(hulled_points(body, reach), 6)
             edges = [_rounded(edge, 6) for edge in edges_of(body, about, reach)]
             outline = {"corners": corners, "edges": edges}
         found.append({"name": name, "stay": index >= kept_out, **outline})

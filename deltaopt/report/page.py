@@ -13,10 +13,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from math import isfinite
-from pathlib import Path
 from string import Template
 
-from deltaopt.files.atomic_write import write_text
 from deltaopt.files.tables import html_table
 from deltaopt.motion.active_limits import active_limits
 from deltaopt.output.cycle_files import told_of_cycle
@@ -36,13 +34,8 @@ from deltaopt.verify.duty import Duty
 from deltaopt.verify.verification import Verification
 
 
-def write_report(file: Path, facts: Facts) -> None:
-    """Write the page of a motion. Raises OSError if the file cannot be written."""
-    write_text(file, report(facts))
-
-
 def report(facts: Facts) -> str:
-    """The text of the page."""
+    """The text of the page of a motion."""
     plan, verification = facts.plan, facts.verification
     scene, journal = plan.scene, plan.journal
     terms = _list(modelled(scene)) + "<p>Not modelled:</p>" + _list(not_modelled(scene))

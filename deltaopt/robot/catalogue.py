@@ -62,18 +62,12 @@ class Motor(Record):
     None is not limited, or not modelled.
     """
 
-    peak_torque: Annotated[Positive, MOTOR_TORQUE] = Field(
-        description="a torque in N·m, greater than 0"
-    )
+    peak_torque: Annotated[Positive, MOTOR_TORQUE]
     rated_torque: Annotated[Positive, MOTOR_TORQUE] | None = optional(
         "a torque in N·m, greater than 0, at most the peak torque"
     )
-    max_speed: Annotated[Positive, MOTOR_SPEED] | None = optional(
-        "an angular speed in rad/s, greater than 0"
-    )
-    inertia: Annotated[NonNegative, ROTOR_INERTIA] | None = optional(
-        "a moment of inertia in kg·m², at least 0"
-    )
+    max_speed: Annotated[Positive, MOTOR_SPEED] | None = None
+    inertia: Annotated[NonNegative, ROTOR_INERTIA] | None = None
     curve: CurvePoints | None = optional(CURVE)
 
     @model_validator(mode="after")
@@ -87,9 +81,7 @@ class Motor(Record):
 class Brake(Record):
     """A holding brake at the motor: ``inertia`` in kg·m²."""
 
-    inertia: Annotated[NonNegative, ROTOR_INERTIA] = Field(
-        description="a moment of inertia in kg·m², at least 0"
-    )
+    inertia: Annotated[NonNegative, ROTOR_INERTIA]
 
 
 class Gear(Record):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Self
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from deltaopt.errors import SceneError
 from deltaopt.files.units import ANGULAR_SPEED, INERTIA, TORQUE, TORQUE_RATE, VISCOUS_FRICTION
@@ -43,10 +43,8 @@ class Friction(Record):
     ``coulomb`` alone.
     """
 
-    viscous: Annotated[NonNegative, VISCOUS_FRICTION] | None = optional(
-        "a friction in N·m·s/rad, at least 0"
-    )
-    coulomb: Annotated[NonNegative, TORQUE] | None = optional("a torque in N·m, at least 0")
+    viscous: Annotated[NonNegative, VISCOUS_FRICTION] | None = None
+    coulomb: Annotated[NonNegative, TORQUE] | None = None
     speed: Annotated[Positive, ANGULAR_SPEED] | None = optional(
         "an angular speed in rad/s, greater than 0, within which Coulomb friction "
         f"changes its sign: {_SIGN_CHANGES_WITHIN:g} unless given"
@@ -82,23 +80,15 @@ class Drive(Record):
     of those of the other numbers that follow from it. Friction is that at the arm in any case.
     """
 
-    torque: Annotated[PerMotor, TORQUE] = Field(
-        description="one torque in N·m, greater than 0, or three"
-    )
-    speed: Annotated[PerMotor, ANGULAR_SPEED] | None = optional(
-        "one angular speed in rad/s, greater than 0, or three"
-    )
+    torque: Annotated[PerMotor, TORQUE]
+    speed: Annotated[PerMotor, ANGULAR_SPEED] | None = None
     inertia: Annotated[NonNegative, INERTIA] | None = optional(
         "a moment of inertia in kg·m² at the arm, at least 0"
     )
     friction: Friction | None = optional("a mapping with some of the keys viscous, coulomb, speed")
     torque_curve: CurvePoints | None = optional(CURVE)
-    rms_torque: Annotated[PerMotor, TORQUE] | None = optional(
-        "one torque in N·m, greater than 0, or three"
-    )
-    torque_rate: Annotated[PerMotor, TORQUE_RATE] | None = optional(
-        "one rate of torque in N·m/s, greater than 0, or three"
-    )
+    rms_torque: Annotated[PerMotor, TORQUE] | None = None
+    torque_rate: Annotated[PerMotor, TORQUE_RATE] | None = None
     motor: Motor | None = optional(
         "a mapping with the key peak_torque and, as far as known, rated_torque, "
         "max_speed, inertia, curve"

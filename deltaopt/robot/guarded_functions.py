@@ -45,9 +45,7 @@ class GuardedFunctions:
     @cached_property
     def inverse_kinematics(self) -> RowFunction:
         """(x, p) -> q; guarded against being out of reach."""
-        return _guarded(
-            self.functions.inverse_kinematics, lambda *x: self.functions.serial_distances(*x)
-        )
+        return _guarded(self.functions.inverse_kinematics, self.functions.serial_distances)
 
     @cached_property
     def forward_kinematics(self) -> RowFunction:

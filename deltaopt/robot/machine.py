@@ -48,7 +48,7 @@ class Workspace(Record):
     depth: Annotated[tuple[Number, Number], LENGTH] | None = optional(
         "two coordinates [least, largest] in m, the first the lesser"
     )
-    radius: Annotated[Positive, LENGTH] | None = optional("a length in m, greater than 0")
+    radius: Annotated[Positive, LENGTH] | None = None
 
     @model_validator(mode="after")
     def _is_somewhere(self) -> Self:

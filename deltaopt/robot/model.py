@@ -36,12 +36,10 @@ def delta_parameters(robot: Robot, payload: float | None) -> DeltaParameters:
     add the moment of inertia of their rotation to it; pins and tool are part of the platform, which
     only translates.
     """
-    bars, gravity = robot.forearm, _components(robot.gravity_vector)
+    bars = robot.forearm
     tool_mass = (robot.tool and robot.tool.mass) or 0.0
     slender = bars.mass * bars.length**2 / 12
     I41, I42, I43 = bars.inertia or (slender, None, slender)
-    offset = _components(robot.tool_offset)
-    mass, inertia, along, across = _arm_and_elbow(robot)
     return DeltaParameters(
         a1=robot.base_radius,
         a2=robot.upper_arm.length / 2,
@@ -49,21 +47,14 @@ def delta_parameters(robot: Robot, payload: float | None) -> DeltaParameters:
         a4=robot.platform_radius,
         m1=robot.platform.mass + 3 * (robot.platform.pins or 0.0) + tool_mass,
         m2=payload or 0.0,
-        m3=mass,
         m4=bars.mass,
-        I33=inertia,
         I41=I41,
         I42=I42,
         I43=I43,
-        g=gravity[0],
-        g_y=gravity[1],
-        g_z=gravity[2],
-        b1=along,
-        b2=across,
         loads=_loads(robot.drive.friction),
-        tool_x=offset[0],
-        tool_y=offset[1],
-        tool_z=offset[2],
+        **_arm_and_elbow(robot),
+        **_components(("g", "g_y", "g_z"), robot.gravity_vector),
+        **_components(("tool_x", "tool_y", "tool_z"), robot.tool_offset),
     )
 
 
@@ -77,11 +68,11 @@ def _loads(friction: Friction | None) -> tuple[ArmLoad, ...]:
     return tuple(loads)
 
 
-def _arm_and_elbow(robot: Robot) -> tuple[float, float, float | None, float | None]:
+def _arm_and_elbow(robot: Robot) -> dict[str, Any]:
     """Upper arm, elbow and drive as one body; the drive's inertia is that of its rotation alone.
 
-    Its mass, kg, the moment of inertia about its centre of mass, kg·m², and how far this is from
-    the shaft, along the arm and across it, m: None for a₂ and 0.
+    Its mass, the moment of inertia about its centre of mass, and how far this is from the shaft,
+    along the arm and across it: None for a₂ and 0.
     """
     arm, elbow = robot.upper_arm, robot.elbow
     inertia = arm.mass * arm.length**2 / 12 if arm.inertia is None else arm.inertia
@@ -94,13 +85,13 @@ def _arm_and_elbow(robot: Robot) -> tuple[float, float, float | None, float | No
         inertia += reduced * ((arm.length - along) ** 2 + across**2)
         along, across = along + elbow.mass / mass * (arm.length - along), arm.mass / mass * across
     centred = along == arm.length / 2
-    return mass, inertia, None if centred else along, across or None
+    return {"m3": mass, "I33": inertia, "b1": None if centred else along, "b2": across or None}
 
 
-def _components(vector: Vector3) -> tuple[float | None, float | None, float | None]:
-    """The components of a vector; None for one that is zero, which needs no term."""
-    x, y, z = vector
-    return x or None, y or None, z or None
+def _components(names: tuple[str, str, str], vector: Vector3) -> dict[str, Any]:
+    """The components of a vector by their names; None for one that is zero, which needs no
+    term."""
+    return {name: value or None for name, value in zip(names, vector, strict=True)}
 
 
 @dataclass(frozen=True)

@@ -45,11 +45,9 @@ class UpperArm(Record):
     clear of bodies. None for a line.
     """
 
-    length: Annotated[Positive, LENGTH] = Field(description="a length in m, greater than 0")
-    mass: Annotated[NonNegative, MASS] = Field(description="a mass in kg, at least 0")
-    inertia: Annotated[NonNegative, INERTIA] | None = optional(
-        "a moment of inertia in kg·m², at least 0"
-    )
+    length: Annotated[Positive, LENGTH]
+    mass: Annotated[NonNegative, MASS]
+    inertia: Annotated[NonNegative, INERTIA] | None = None
     centre: Annotated[tuple[Number, Number], LENGTH] | None = optional(
         "two lengths in m: along the line shaft-elbow, and across it"
     )
@@ -59,7 +57,7 @@ class UpperArm(Record):
 class Elbow(Record):
     """What turns with the arm at its elbow, such as pins, as a point: ``mass`` in kg."""
 
-    mass: Annotated[NonNegative, SMALL_MASS] = Field(description="a mass in kg, at least 0")
+    mass: Annotated[NonNegative, SMALL_MASS]
 
 
 class Forearm(Record):
@@ -70,7 +68,7 @@ class Forearm(Record):
     holds both, m: it keeps clear of bodies. None for a line.
     """
 
-    length: Annotated[Positive, LENGTH] = Field(description="a length in m, greater than 0")
+    length: Annotated[Positive, LENGTH]
     mass: Annotated[NonNegative, MASS] = Field(
         description="a mass in kg (of the pair of bars), at least 0"
     )
@@ -95,7 +93,7 @@ class Platform(Record):
     ``pins``: a mass in kg for each chain, which the platform carries beside its own.
     """
 
-    mass: Annotated[Positive, MASS] = Field(description="a mass in kg, greater than 0")
+    mass: Annotated[Positive, MASS]
     pins: Annotated[NonNegative, SMALL_MASS] | None = optional(
         "a mass in kg for each chain, at least 0"
     )
@@ -126,8 +124,8 @@ class Robot(Machine):
 
     name: Name = Field(description="the robot's name, a line of at most 200 printable characters")
     source: Text | None = optional("a text that says where the numbers come from")
-    base_radius: Annotated[NonNegative, LENGTH] = Field(description="a length in m, at least 0")
-    platform_radius: Annotated[NonNegative, LENGTH] = Field(description="a length in m, at least 0")
+    base_radius: Annotated[NonNegative, LENGTH]
+    platform_radius: Annotated[NonNegative, LENGTH]
     upper_arm: UpperArm = Field(description="a mapping with the keys length and mass")
     forearm: Forearm = Field(description="a mapping with the keys length and mass")
     elbow: Elbow | None = optional("a mapping with the key mass")

@@ -22,7 +22,6 @@ from deltaopt.files.validated_record import (
 Point = Annotated[Triple, LENGTH]
 Corner = Annotated[Triple, EXTENT]
 POINT = "three coordinates [x, y, z] in m"
-RADIUS = "a length in m, greater than 0"
 _OTHER = "three coordinates [x, y, z] in m, other than from"
 _SHAPES = "one of sphere: {centre, radius}, box: {from, to}, capsule: {from, to, radius}"
 
@@ -56,7 +55,7 @@ class Sphere(Record):
     """
 
     centre: Point = Field(description=POINT)
-    radius: Annotated[Positive, LENGTH] = Field(description=RADIUS)
+    radius: Annotated[Positive, LENGTH]
 
 
 class Box(Between):
@@ -85,7 +84,7 @@ class Box(Between):
 class Along(Between):
     """A shape about the line between the points ``from`` and ``to``, m, with a ``radius``, m."""
 
-    radius: Annotated[Positive, LENGTH] = Field(description=RADIUS)
+    radius: Annotated[Positive, LENGTH]
 
     @model_validator(mode="after")
     def _has_length(self) -> Self:
@@ -113,6 +112,11 @@ class OneOf(Record):
         """The name of that field."""
         return next(name for name, value in self if value is not None)
 
+    @property
+    def shape(self) -> Any:
+        """Its value."""
+        return getattr(self, self.given)
+
     @model_validator(mode="after")
     def _is_one(self) -> Self:
         given = [name for name, value in self if value is not None]
@@ -131,12 +135,6 @@ class Shape(OneOf):
     capsule: Capsule | None = optional("a mapping with from, to, radius")
     kinds: ClassVar[str] = _SHAPES
 
-    @property
-    def shape(self) -> Sphere | Box | Capsule:
-        """The one that is given."""
-        found: Sphere | Box | Capsule = getattr(self, self.given)
-        return found
-
 
 class Tool(Record):
     """The tool that the platform carries.
@@ -151,8 +149,8 @@ class Tool(Record):
     """
 
     offset: Point | None = optional(POINT)
-    mass: Annotated[NonNegative, MASS] | None = optional("a mass in kg, at least 0")
-    radius: Annotated[Positive, WIDTH] | None = optional(RADIUS)
+    mass: Annotated[NonNegative, MASS] | None = None
+    radius: Annotated[Positive, WIDTH] | None = None
     shapes: tuple[Shape, ...] | None = optional(
         f"a list of shapes about the tool's point, each {_SHAPES}"
     )

@@ -133,12 +133,6 @@ class Body(OneOf):
         sizes = (f"{k} {in_words(v) if isinstance(v, tuple) else f'{v:g}'}" for k, v in shape)
         return f"{self.kind}, {', '.join(sizes)} m"
 
-    @property
-    def shape(self) -> Box | Sphere | Cylinder | HalfSpace | Hull:
-        """The one that is given."""
-        found: Box | Sphere | Cylinder | HalfSpace | Hull = getattr(self, self.given)
-        return found
-
 
 def sums(bodies: Sequence[Body], tool: Tool | None) -> Iterator[tuple[int, Convex]]:
     """What the tool's point must stay out of: for each body its index, and the body grown by a
@@ -215,7 +209,7 @@ def _sum(
     if isinstance(body, Box) and all(np.count_nonzero(side) <= 1 for side in spread):
         half = np.array(body.half) + np.abs(spread).sum(axis=0)
         return Solid(ALONG_THE_BASE, vector3(moved + body.centre), vector3(half), False, radius)
-    corners = _corners(body)[:, None] + _ends(spread) + moved
+    corners = corners_of(body)[:, None] + _ends(spread) + moved
     return _polytope(corners.reshape(-1, 3), radius)
 
 
@@ -273,7 +267,8 @@ def _ends(spread: Array) -> Array:
     return np.asarray((signs[:, :, None] * spread).sum(axis=1))
 
 
-def _corners(body: Box | Hull) -> Array:
+def corners_of(body: Box | Hull) -> Array:
+    """Of a box, or the points of a hull, (N, 3), m."""
     if isinstance(body, Hull):
         return np.array(body.points)
     return np.array(body.centre) + _ends(_half_sides(body))

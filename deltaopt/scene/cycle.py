@@ -28,7 +28,6 @@ MOST_LEGS = 100
 EXPECTED_LEGS = f"two to {MOST_LEGS} legs, each a mapping with a goal, the last of them the start"
 FREE = "free"
 EXPECTED_DWELL = f"a duration in s, at least 0, or the word {FREE}"
-EXPECTED_PERIOD = "a duration in s, greater than 0"
 EXPECTED_RMS = "a torque in N·m, greater than 0, one for all motors or three, or the word none"
 THERE = "the point or state that the next leg starts in"
 CLOSED = "the point or state that the first leg starts in, for a cycle ends where it begins"
@@ -54,13 +53,11 @@ class Cycle(Record):
         1
     """
 
-    legs: tuple[Scene, ...] = Field(
-        min_length=2, max_length=MOST_LEGS, description=f"{EXPECTED_LEGS}"
-    )
+    legs: tuple[Scene, ...] = Field(min_length=2, max_length=MOST_LEGS, description=EXPECTED_LEGS)
     dwells: tuple[Annotated[NonNegative, DURATION] | Literal["free"], ...] = Field(
         default=(), description=f"for each leg {EXPECTED_DWELL}"
     )
-    period: Annotated[Positive, DURATION] | None = optional(EXPECTED_PERIOD)
+    period: Annotated[Positive, DURATION] | None = None
     rms_torque: Annotated[PerMotor, TORQUE] | Literal["none"] | None = optional(EXPECTED_RMS)
 
     def __repr__(self) -> str:

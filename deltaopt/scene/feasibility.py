@@ -89,7 +89,7 @@ def require_links_clear(scene: Scene, name: str, point: Vector3) -> None:
 def require_ride(scene: Scene, name: str, places: Array, velocity: Vector3) -> None:
     """Raise as ``require_state`` if the platform cannot be at one of many places, (N, 3), m, where
     a belt carries it at a velocity, m/s; and if a link that is to keep clear does not."""
-    doubtful = ~_surely(scene, places, np.broadcast_to(velocity, places.shape))
+    doubtful = ~are_surely_feasible(scene, places, np.broadcast_to(velocity, places.shape))
     for place in places[doubtful]:
         require_state(scene, name, Boundary(vector3(place), velocity), is_given=False)
     if scene.robot_keeps_clear and scene.keep_out:
@@ -123,7 +123,7 @@ def require_state(
     point, at_rest = end.position, end.velocity == REST
     velocity = None if at_rest and orders > 1 else np.array([end.velocity])
     is_looked_at = scene.has_rates and orders > 1 and not end.is_rest_at_a_point
-    if not is_looked_at and _surely(scene, np.array([point]), velocity).all():
+    if not is_looked_at and are_surely_feasible(scene, np.array([point]), velocity).all():
         return
     model, still = model_of(scene.robot, scene.payload), np.zeros(3)
     try:
@@ -170,15 +170,10 @@ def room_at_rest(scene: Scene, points: Array) -> Array:
     return np.where(np.isfinite(room), room, -1.0)
 
 
-def are_surely_feasible(scene: Scene, points: Array) -> Truths:
-    """Whether the platform can be at rest at points, (N, 3), m, with room to spare, (N,): where it
-    can not, a closer look may find that it just can."""
-    return _surely(scene, points, None)
-
-
-def _surely(scene: Scene, x: Array, v: Array | None) -> Truths:
-    """``are_surely_feasible`` for a platform at points x that moves at v, (N, 3) each: only limits
-    of positions and speeds count then. None for v where it is at rest."""
+def are_surely_feasible(scene: Scene, x: Array, v: Array | None = None) -> Truths:
+    """Whether the platform can be at rest at points x, (N, 3), m, with room to spare, (N,): where
+    it can not, a closer look may find that it just can. With velocities v, (N, 3), m/s, whether it
+    can pass the points, where limits of positions and speeds alone count."""
     back, rows, distances = _evaluated(scene, x, v)
     there = np.linalg.norm(back - x, axis=1) <= _SAME_PLACE  # False where not a number
     held = (np.abs(rows) <= 1).all(axis=1) & (distances > _CLEAR).all(axis=1)

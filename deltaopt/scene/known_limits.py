@@ -11,7 +11,7 @@ from pydantic import create_model
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
-from deltaopt.files.validated_record import Record, optional
+from deltaopt.files.validated_record import Record
 from deltaopt.limits.joints import (
     ARM_RANGE,
     JOINT_JERK,
@@ -69,9 +69,7 @@ LIMITS: tuple[Limit, ...] = (
 those that depend on torques stand once more, for the least payload of a range."""
 
 _KEYS: dict[str, Any] = {
-    limit.key.name: (limit.key.type | None, optional(limit.key.expected))
-    for limit in LIMITS
-    if limit.key
+    limit.key.name: (limit.key.type | None, None) for limit in LIMITS if limit.key
 }
 _Keys: Any = create_model("_Keys", __base__=Record, **_KEYS)
 

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field
+from pydantic import BeforeValidator, Field, PlainSerializer
 
-from deltaopt.errors import SceneError, inside
+from deltaopt.errors import SceneError
 from deltaopt.files.units import ACCELERATION, SPEED
-from deltaopt.files.validated_record import Record, Triple, Vector3, optional, vector3
+from deltaopt.files.validated_record import Record, Triple, optional, vector3
 from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.robot.tool import POINT, Point
 
@@ -92,27 +92,38 @@ class Anywhere(Record):
         return Boundary(REST, free=(True, True, True))
 
 
-Start = Vector3 | State
-End = Vector3 | State | Belt | Anywhere
-
-
-def end_in(key: str, content: Any) -> Any:
-    """The record that stands under ``start`` or ``goal`` of a scene, as a mapping or a word.
+def goal_in(content: Any) -> Any:
+    """The record that stands under ``goal`` of a scene, as a mapping or a word.
 
     What is neither is returned as it is, for the field's type to judge. Raises SceneError.
     """
-    if key == "goal" and isinstance(content, str) and content == _ANYWHERE:
+    if isinstance(content, str) and content == _ANYWHERE:
         return Anywhere()
     if not isinstance(content, Mapping):
         return content
     if not {"at", "velocity", "belt"} & set(content):
-        expected = EXPECTED_START if key == "start" else EXPECTED_GOAL
-        raise SceneError(None, key, dict(content), expected)
-    if "belt" in content and key == "start":
-        raise SceneError(None, "start.belt", content["belt"], "a belt at the goal alone")
+        raise ValueError
     kind = Belt if "belt" in content else State
-    with inside(key=key):
-        return kind.model_validate(dict(content))
+    return kind.model_validate(dict(content))
+
+
+def _start_in(content: Any) -> Any:
+    if isinstance(content, Mapping) and "belt" in content:
+        raise SceneError(None, "belt", content["belt"], "a belt at the goal alone")
+    return goal_in(content)
+
+
+def content_of_end(given: Any) -> object:
+    """What stands in a scene file for an end: the inverse of ``goal_in``."""
+    if isinstance(given, Anywhere):
+        return _ANYWHERE
+    is_point = isinstance(given, tuple)
+    return given if is_point else given.model_dump(mode="json", exclude_none=True)
+
+
+_AS_IN_FILES = PlainSerializer(content_of_end)
+Start = Annotated[Point | State, BeforeValidator(_start_in), _AS_IN_FILES]
+End = Annotated[Point | State | Belt | Anywhere, BeforeValidator(goal_in), _AS_IN_FILES]
 
 
 def end_of(given: End) -> Boundary:
@@ -126,13 +137,3 @@ def require_no_acceleration(ends: Mapping[str, End]) -> None:
         if isinstance(end, State) and end.acceleration is not None:
             expected = "none without limits of jerk or torque rate, for then it may jump"
             raise SceneError(None, f"{key}.acceleration", list(end.acceleration), expected)
-
-
-def content_of_end(given: Start | End) -> object:
-    """What stands in a scene file for an end: the inverse of ``end_in``."""
-    if isinstance(given, tuple):
-        return given
-    if isinstance(given, Anywhere):
-        return _ANYWHERE
-    content: dict[str, object] = given.model_dump(mode="json")
-    return {name: value for name, value in content.items() if value is not None}

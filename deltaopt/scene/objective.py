@@ -173,9 +173,7 @@ class TimeAndEffort(_WithTime):
         0.0001
     """
 
-    effort: Annotated[Positive, EFFORT_WEIGHT] = Field(
-        description="a weight of the effort in 1/(N²m²), greater than 0"
-    )
+    effort: Annotated[Positive, EFFORT_WEIGHT]
 
 
 class TimeAndEfforts(_WithTime):
@@ -215,9 +213,7 @@ class TimeAndJerk(_WithTime):
         1e-09
     """
 
-    jerk: Annotated[Positive, JERK_WEIGHT] = Field(
-        description="a weight of the squared jerk in s⁶/m², greater than 0"
-    )
+    jerk: Annotated[Positive, JERK_WEIGHT]
     rate = Running.JERK
 
 
@@ -230,9 +226,7 @@ class TimeAndTorqueRate(_WithTime):
         1e-09
     """
 
-    torque_rate: Annotated[Positive, TORQUE_RATE_WEIGHT] = Field(
-        description="a weight of the squared torque rates in s²/(N²m²), greater than 0"
-    )
+    torque_rate: Annotated[Positive, TORQUE_RATE_WEIGHT]
     rate = Running.TORQUE_RATE
 
 

@@ -19,7 +19,7 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, PlainSerializer, model_validator
 
 from deltaopt.curves.nodes import gauss
 from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, shifted
@@ -299,13 +299,18 @@ def path_in(value: object) -> object:
     return Line.model_validate(value) if set(value) == {"speeds"} else value
 
 
-def content_of_path(path: GivenPath) -> object:
-    """What stands in a scene file for a path: the inverse of ``path_in``."""
+def _content_of(path: GivenPath) -> object:
+    """The inverse of ``path_in``."""
     content = path.model_dump(mode="json", exclude_defaults=True)
     if isinstance(path, PickAndPlace):
         speeds = {"speeds": content.pop("speeds")} if "speeds" in content else {}
         return {"pick_and_place": content, **speeds}
     return content or "line"
+
+
+AnyPath = Annotated[
+    Line | Corners | PickAndPlace | Curve, BeforeValidator(path_in), PlainSerializer(_content_of)
+]
 
 
 def points_in(file: File) -> list[list[float]]:

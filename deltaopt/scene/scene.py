@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.errors import SceneError, inside
+from deltaopt.errors import SceneError
 from deltaopt.files.tables import html_table
 from deltaopt.files.units import MASS, WIDTH
 from deltaopt.files.validated_record import NonNegative, Positive, Record, Vector3, optional
@@ -22,7 +22,6 @@ from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.robot.machine import Machine
 from deltaopt.robot.robot import AnyRobot
 from deltaopt.robot.solids import Convex
-from deltaopt.robot.tool import Point
 from deltaopt.scene.bodies import EXPECTED_BODIES, Body, solids_about, sums
 from deltaopt.scene.known_limits import (
     LIMITS,
@@ -37,24 +36,14 @@ from deltaopt.scene.moving_ends import (
     EXPECTED_GOAL,
     EXPECTED_START,
     Anywhere,
-    Belt,
-    State,
+    End,
+    Start,
     content_of_end,
-    end_in,
     end_of,
     require_no_acceleration,
 )
 from deltaopt.scene.objective import EXPECTED, Objective, Time, content_of, objective_in
-from deltaopt.scene.path import (
-    EXPECTED_PATH,
-    Corners,
-    Curve,
-    Line,
-    PickAndPlace,
-    content_of_path,
-    path_in,
-)
-from deltaopt.scene.rotation import Rotation
+from deltaopt.scene.path import EXPECTED_PATH, AnyPath, Curve
 from deltaopt.scene.task import BetweenEnds, OnPath, Task
 from deltaopt.scene.way import (
     EXPECTED_APPROACH,
@@ -62,9 +51,9 @@ from deltaopt.scene.way import (
     MOST_VIA,
     Approach,
     Near,
-    content_of_via,
+    Rotation,
+    Via,
     require_distinct,
-    via_in,
     via_point,
 )
 
@@ -90,16 +79,16 @@ class Scene(Record):
     payload: Annotated[Positive, MASS] | None = optional(
         "a mass in kg, greater than 0, or [least, largest]; leave the key out for none"
     )
-    least_payload: Annotated[NonNegative, MASS] | None = optional("a mass in kg, at least 0")
-    start: Point | State = Field(description=EXPECTED_START)
-    goal: Point | State | Belt | Anywhere = Field(description=EXPECTED_GOAL)
-    via: tuple[Point | Near, ...] | None = optional(EXPECTED_VIA, max_length=MOST_VIA)
+    least_payload: Annotated[NonNegative, MASS] | None = None
+    start: Start = Field(description=EXPECTED_START)
+    goal: End = Field(description=EXPECTED_GOAL)
+    via: tuple[Via, ...] | None = optional(EXPECTED_VIA, max_length=MOST_VIA)
     approach: Approach | None = optional(EXPECTED_APPROACH)
     limits: Limits | None = optional(
         "a mapping with some of the keys " + ", ".join(Limits.model_fields)
     )
     rotation: Rotation | None = optional("a mapping with the keys angle, speed, acceleration")
-    path: Line | Corners | PickAndPlace | Curve | None = optional(EXPECTED_PATH)
+    path: AnyPath | None = optional(EXPECTED_PATH)
     tube: Annotated[Positive, WIDTH] | None = optional(
         "a length in m, greater than 0: how far from path the tool may be"
     )
@@ -263,12 +252,6 @@ class Scene(Record):
         ``robot``: of whose drives the limits' shares, such as "85 %", are.
         """
         read = dict(given)
-        if "path" in read:
-            with inside(key="path"):
-                read["path"] = path_in(read["path"])
-        read |= {key: end_in(key, read[key]) for key in ("start", "goal") if key in read}
-        if "via" in read:
-            read["via"] = via_in(read["via"])
         if "payload" in read:
             read |= cls._payloads(read["payload"])
         if "limits" in read and isinstance(robot, Machine):
@@ -316,11 +299,7 @@ class Scene(Record):
 
     @model_serializer(mode="wrap")
     def _write_objective(self, rest: SerializerFunctionWrapHandler) -> dict[str, object]:
-        path = {} if self.path is None else {"path": content_of_path(self.path)}
-        moving = (key for key in ("start", "goal") if not isinstance(getattr(self, key), tuple))
-        ends = {key: content_of_end(getattr(self, key)) for key in moving}
-        via = {} if self.via is None else {"via": content_of_via(self.via)}
-        content = {**rest(self), **ends, **via, **path, **content_of(self.objective)}
+        content = {**rest(self), **content_of(self.objective)}
         content.pop("planned_links", None)
         least = content.pop("least_payload", None)
         return content if least is None else content | {"payload": [least, self.payload]}

@@ -13,7 +13,7 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError, inside, shown
 from deltaopt.files.regular_file import content_of
 from deltaopt.files.units import LENGTH, Misread
-from deltaopt.files.yaml_file import place_of, read_yaml
+from deltaopt.files.yaml_file import placed_in, read_yaml
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.robot.solids import MOST_TRIANGLES
 from deltaopt.scene.convex_hull import NoHull, convex_hull
@@ -76,9 +76,10 @@ def content_with_files(path: str | Path) -> dict[str, object]:
     content = read_yaml(file)
     content["robot"] = read_yaml(_robot_file(file, content.get("robot")))
     legs = content.get("cycle")
-    for each in [content, *(legs if isinstance(legs, list) else [])]:
-        if isinstance(each, dict):
-            each |= _with_all_points(file, each)
+    with placed_in(file):
+        for each in [content, *(legs if isinstance(legs, list) else [])]:
+            if isinstance(each, dict):
+                each |= _with_all_points(file.parent, each)
     return content
 
 
@@ -98,8 +99,8 @@ def _single(file: Path, content: dict[str, object]) -> Scene:
             raise SceneError(file, "", None, f"a scene file; {use}", f"is a {kind} file")
     if "cycle" in content:
         expected = "start and goal; cycles are for deltaopt plan, check and map, and load_cycle"
-        place = place_of(file, "cycle")
-        raise SceneError(file, "cycle", None, expected, "is no key of a single motion", place)
+        with placed_in(file):
+            raise SceneError(None, "cycle", None, expected, "is no key of a single motion")
     return _scene(file, _with_robot(file, content), lambda key: key)
 
 
@@ -107,13 +108,13 @@ def _cycle(file: Path, content: dict[str, object]) -> Cycle:
     content = _with_robot(file, content)
     given, period = content.pop("cycle", None), content.pop("period", None)
     start, limits = content.pop("start", None), content.get("limits")
-    place = place_of(file, "cycle")
-    if not isinstance(given, list) or not all(isinstance(leg, dict) for leg in given):
-        problem = "is missing" if given is None else ""
-        raise SceneError(file, "cycle", given, EXPECTED_LEGS, problem, place)
-    if not 2 <= len(given) <= MOST_LEGS:
-        problem = f"has {len(given)} leg{'s' * (len(given) != 1)}"
-        raise SceneError(file, "cycle", given, EXPECTED_LEGS, problem, place)
+    with placed_in(file):
+        if not isinstance(given, list) or not all(isinstance(leg, dict) for leg in given):
+            problem = "is missing" if given is None else ""
+            raise SceneError(None, "cycle", given, EXPECTED_LEGS, problem)
+        if not 2 <= len(given) <= MOST_LEGS:
+            problem = f"has {len(given)} leg{'s' * (len(given) != 1)}"
+            raise SceneError(None, "cycle", given, EXPECTED_LEGS, problem)
     if isinstance(start, dict) and "belt" in start:  # that of the last leg's next part
         start = {{"belt": "velocity"}.get(key, key): each for key, each in start.items()}
     fields: dict[str, object] = {"period": period}
@@ -131,21 +132,14 @@ def _cycle(file: Path, content: dict[str, object]) -> Cycle:
         begun = {} if start is None else {"start": start}
         legs.append(_scene(file, {**content, **own, **begun}, inside))
         start = start_after(legs[-1].goal)
-    try:
+    in_file = {"rms_torque": "limits.rms_torque", "legs": "cycle"}
+    with placed_in(file, lambda key: in_file.get(key, key)):
         return Cycle.model_validate({"legs": tuple(legs), "dwells": dwells, **fields})
-    except SceneError as error:
-        key = {"rms_torque": "limits.rms_torque", "legs": "cycle"}.get(error.key, error.key)
-        raise error.renamed(key).inside(file=file, place=place_of(file, key)) from None
 
 
 def load_job(path: str | Path) -> Scene | Cycle:
     """Read the file of a scene, or of a cycle, and the robot file it names. Raises SceneError."""
-    return load_cycle(path) if has_cycle(path) else load_scene(path)
-
-
-def has_cycle(path: str | Path) -> bool:
-    """Whether a file is that of a cycle."""
-    return "cycle" in read_yaml(Path(path))
+    return load_cycle(path) if "cycle" in read_yaml(Path(path)) else load_scene(path)
 
 
 def _in_leg(index: int, own: Mapping[str, object], key: str) -> str:
@@ -161,28 +155,26 @@ def _with_robot(file: Path, content: dict[str, object]) -> dict[str, object]:
 
 def _scene(file: Path, content: dict[str, object], named: Callable[[str], str]) -> Scene:
     """The scene of a file's content; ``named``: how the file calls a key of it."""
-    for key, expected in NO_KEYS.items():
-        if key in content:
-            raise SceneError(file, key, None, expected, "is not a known key", place_of(file, key))
-    try:
-        return Scene.model_validate(_with_all_points(file, content))
-    except SceneError as error:
-        key = named(error.key)
-        raise error.renamed(key).inside(file=file, place=place_of(file, key)) from None
+    with placed_in(file, named):
+        for key, expected in NO_KEYS.items():
+            if key in content:
+                raise SceneError(None, key, None, expected, "is not a known key")
+        return Scene.model_validate(_with_all_points(file.parent, content))
 
 
-def _with_all_points(file: Path, content: Mapping[str, object]) -> dict[str, object]:
-    """The content of a scene with points instead of the names of files that have them."""
+def _with_all_points(folder: Path, content: Mapping[str, object]) -> dict[str, object]:
+    """The content of a scene with points instead of the names of files in a folder that have
+    them."""
     found, given, bodies = dict(content), content.get("path"), content.get("keep_out")
     if isinstance(given, dict) and isinstance(given.get("points"), str):
-        found["path"] = {**given, "points": _points(file, given["points"])}
+        found["path"] = {**given, "points": points_in(folder / given["points"])}
     if isinstance(bodies, list):
         numbered = ((f"keep_out[{index}]", body) for index, body in enumerate(bodies))
-        found["keep_out"] = [_with_points(file, *each) for each in numbered]
+        found["keep_out"] = [_with_points(folder, *each) for each in numbered]
     return found
 
 
-def _with_points(scene_file: Path, key: str, body: object) -> object:
+def _with_points(folder: Path, key: str, body: object) -> object:
     """The content of a body, whose key this is, with the corners of a file's convex hull instead of
     its name."""
     hull = body.get("hull") if isinstance(body, dict) else None
@@ -190,14 +182,13 @@ def _with_points(scene_file: Path, key: str, body: object) -> object:
         return body
     named = f"{key}.hull.file"
     try:
-        points = corners_in(scene_file.parent / hull["file"])
+        points = corners_in(folder / hull["file"])
         points = points[np.unique(convex_hull(points, MOST_TRIANGLES))]
     except NoHull as error:
-        place, expected = place_of(scene_file, named), f"an STL file with {error}"
-        raise SceneError(scene_file, named, hull["file"], expected, place=place) from None
+        raise SceneError(None, named, hull["file"], f"an STL file with {error}") from None
     except SceneError as error:
-        place, problem = place_of(scene_file, named), f"{error.file} {error.problem}"
-        raise SceneError(scene_file, named, hull["file"], error.expected, problem, place) from None
+        problem = f"{error.file} {error.problem}"
+        raise SceneError(None, named, hull["file"], error.expected, problem) from None
     others = {key: value for key, value in hull.items() if key != "file"}
     return {"hull": {**others, "points": points.tolist()}}
 
@@ -239,18 +230,9 @@ def _corners_of_text(text: str, file: Path) -> Array:
         raise SceneError(file, "", None, _STL, "is not an STL file") from None
 
 
-def _points(scene_file: Path, name: str) -> list[list[float]]:
-    """The points of a CSV file, relative to the scene file."""
-    try:
-        return points_in(scene_file.parent / name)
-    except SceneError as error:
-        place = place_of(scene_file, "path.points")
-        raise error.inside(file=scene_file, place=place) from None
-
-
 def _robot_file(scene_file: Path, value: object) -> Path:
     if isinstance(value, str) and os.path.isfile(scene_file.parent / value):
         return scene_file.parent / value
     problem = f"is {shown(value)}, which is no file" if isinstance(value, str) else ""
-    place = place_of(scene_file, "robot")
-    raise SceneError(scene_file, "robot", value, ROBOT_FILE, problem, place)
+    with placed_in(scene_file):
+        raise SceneError(None, "robot", value, ROBOT_FILE, problem)

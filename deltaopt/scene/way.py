@@ -1,17 +1,18 @@
 """What scenes give of the way between start and goal: cylinders in which a motion leaves the one
-and reaches the other, straight up and down, and via points, or places within a distance of one."""
+and reaches the other, straight up and down, how far a fourth axis turns the gripper meanwhile, and
+via points, or places within a distance of one."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from math import dist
+from math import dist, sqrt
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field, PlainSerializer
 
-from deltaopt.errors import SceneError, inside
-from deltaopt.files.units import WIDTH
+from deltaopt.errors import SceneError
+from deltaopt.files.units import ANGLE, ANGULAR_ACCELERATION, ANGULAR_SPEED, WIDTH
 from deltaopt.files.validated_record import Positive, Record, Vector3
 from deltaopt.limits.limit import Column
 from deltaopt.problem.boundary import Boundary
@@ -29,8 +30,8 @@ EXPECTED_VIA = (
 class ApproachAtEnd(Record):
     """Within a vertical cylinder of ``radius`` (m) about an end until ``height`` (m) above it."""
 
-    height: Annotated[Positive, WIDTH] = Field(description="a length in m, greater than 0")
-    radius: Annotated[Positive, WIDTH] = Field(description="a length in m, greater than 0")
+    height: Annotated[Positive, WIDTH]
+    radius: Annotated[Positive, WIDTH]
 
     def column(self, end: Vector3) -> Column:
         """The cylinder about an end, m."""
@@ -46,6 +47,26 @@ class Approach(Record):
     goal: ApproachAtEnd = Field(description="a mapping with the keys height and radius, in m")
 
 
+class Rotation(Record):
+    """A turn by ``angle`` (rad) from rest to rest, at most at ``speed`` (rad/s), with at most
+    ``acceleration`` (rad/s²).
+
+    The axis is light and moves by itself: the Delta's motion only has to take no less time.
+    """
+
+    angle: Annotated[Positive, ANGLE]
+    speed: Annotated[Positive, ANGULAR_SPEED]
+    acceleration: Annotated[Positive, ANGULAR_ACCELERATION]
+
+    @property
+    def duration(self) -> float:
+        """The least time it takes, s: full acceleration, full speed if that is reached, full
+        braking."""
+        if self.angle * self.acceleration <= self.speed**2:
+            return 2 * sqrt(self.angle / self.acceleration)
+        return self.angle / self.speed + self.speed / self.acceleration
+
+
 class Near(Record):
     """A via point that any place at most ``within`` (m) from the point ``at`` (m) stands for.
 
@@ -53,27 +74,23 @@ class Near(Record):
     """
 
     at: Point = Field(description=POINT)
-    within: Annotated[Positive, WIDTH] = Field(description="a length in m, greater than 0")
+    within: Annotated[Positive, WIDTH]
 
 
-Via = Vector3 | Near
-
-
-def via_in(content: Any) -> Any:
-    """What stands under ``via`` of a scene, its mappings as records and the rest as it is, for the
+def _via_in(content: Any) -> Any:
+    """What stands for a via point of a scene, a mapping as a record and the rest as it is, for the
     field's type to judge. A mapping without ``within`` is a point. Raises SceneError."""
-    if not isinstance(content, list | tuple):
-        return content
-    return [_point_in(number, each) for number, each in enumerate(content)]
-
-
-def _point_in(number: int, content: Any) -> Any:
     if not isinstance(content, Mapping):
         return content
-    if set(content) == {"at"}:
-        return content["at"]
-    with inside(key=f"via[{number}]"):
-        return Near.model_validate(dict(content))
+    return content["at"] if set(content) == {"at"} else Near.model_validate(dict(content))
+
+
+def _content_of(via: Any) -> object:
+    """The inverse of ``_via_in``."""
+    return via.model_dump() if isinstance(via, Near) else via
+
+
+Via = Annotated[Point | Near, BeforeValidator(_via_in), PlainSerializer(_content_of)]
 
 
 def via_point(given: Via) -> Boundary:
@@ -81,11 +98,6 @@ def via_point(given: Via) -> Boundary:
     if isinstance(given, Near):
         return Boundary.passed(given.at, given.within)
     return Boundary.passed(given)
-
-
-def content_of_via(via: Sequence[Via]) -> list[object]:
-    """What stands in a scene file for via points: the inverse of ``via_in``."""
-    return [each.model_dump() if isinstance(each, Near) else each for each in via]
 
 
 def require_distinct(via: Sequence[Boundary], start: Vector3, goal: Vector3 | None) -> None:

@@ -16,8 +16,7 @@ from deltaopt.errors import SceneError, if_possible
 from deltaopt.files.tables import finite
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.plan import Plan
-from deltaopt.sensitivity.keys import Content, changed
-from deltaopt.sensitivity.numbers import Number, content_of, job_of, numbers_in
+from deltaopt.sensitivity.keys import Content, Number, changed, content_of, job_of, numbers_in
 from deltaopt.sensitivity.priced_cycle import PricedCycle, priced_cycles
 from deltaopt.sensitivity.priced_motion import PricedMotion, priced_motions
 

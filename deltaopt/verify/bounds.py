@@ -103,89 +103,64 @@ class Check:
 
 @dataclass(frozen=True)
 class Bound:
-    """The most a measure may be, and what to say of a value that is more."""
+    """The most a measure may be, and what to say of a value that is more: in the place of {} that
+    value and its unit."""
 
-    measure: str
     tolerance: Tolerance
     complaint: str
 
-    def check(self, value: float, sizes: Sizes) -> Check:
+    def check(self, measure: str, value: float, sizes: Sizes) -> Check:
         """A value of the measure beside the most that it may be in a motion of these sizes."""
         most, unit = self.tolerance.of(sizes), self.tolerance.unit
-        return Check(self.measure, value, most, unit, self.complaint.format(value))
+        told = f"{value:.3g} {unit}".removesuffix(" 1")
+        return Check(measure, value, most, unit, self.complaint.format(told))
 
 
-BOUNDS = (
-    Bound("duration_error", _DURATION, "it takes {:.3g} s more or less than the scene says"),
-    Bound(
-        "robot_overlap",
-        _OVERLAP,
-        "an arm or a forearm is up to {:.3g} m too near to a keep-out body, or inside",
+BOUNDS = {
+    "duration_error": Bound(_DURATION, "it takes {} more or less than the scene says"),
+    "robot_overlap": Bound(
+        _OVERLAP, "an arm or a forearm is up to {} too near to a keep-out body, or inside"
     ),
-    Bound("rotation_left", _DURATION, "it ends {:.3g} s before the fourth axis has turned"),
-    Bound("start_distance", _PLACE, "it begins {:.3g} m from the scene's start"),
-    Bound("goal_distance", _PLACE, "it ends {:.3g} m from the scene's goal"),
-    Bound("path_distance", _PLACE, "it is up to {:.3g} m off the scene's path"),
-    Bound("via_distance", _PLACE, "it misses a via point by {:.3g} m, or passes it out of turn"),
-    Bound("approach_distance", _PLACE, "it is up to {:.3g} m outside the scene's approach"),
-    Bound("start_speed", _SPEED, "it begins with a velocity {:.3g} m/s off the scene's"),
-    Bound("goal_speed", _SPEED, "it ends with a velocity {:.3g} m/s off the scene's"),
-    Bound(
-        "position_jump", _PLACE, "its position jumps by {:.3g} m at its knots, all jumps together"
+    "rotation_left": Bound(_DURATION, "it ends {} before the fourth axis has turned"),
+    "start_distance": Bound(_PLACE, "it begins {} from the scene's start"),
+    "goal_distance": Bound(_PLACE, "it ends {} from the scene's goal"),
+    "path_distance": Bound(_PLACE, "it is up to {} off the scene's path"),
+    "via_distance": Bound(_PLACE, "it misses a via point by {}, or passes it out of turn"),
+    "approach_distance": Bound(_PLACE, "it is up to {} outside the scene's approach"),
+    "start_speed": Bound(_SPEED, "it begins with a velocity {} off the scene's"),
+    "goal_speed": Bound(_SPEED, "it ends with a velocity {} off the scene's"),
+    "position_jump": Bound(_PLACE, "its position jumps by {} at its knots, all jumps together"),
+    "velocity_jump": Bound(_SPEED, "its velocity jumps by {} at its knots, all jumps together"),
+    "start_acceleration": Bound(_ACCELERATION, "it begins with an acceleration {} off the scene's"),
+    "goal_acceleration": Bound(_ACCELERATION, "it ends with an acceleration {} off the scene's"),
+    "jump_of_acceleration": Bound(
+        _ACCELERATION, "its acceleration jumps by {} at its knots, all jumps together"
     ),
-    Bound(
-        "velocity_jump", _SPEED, "its velocity jumps by {:.3g} m/s at its knots, all jumps together"
-    ),
-    Bound(
-        "start_acceleration",
-        _ACCELERATION,
-        "it begins with an acceleration {:.3g} m/s² off the scene's",
-    ),
-    Bound(
-        "goal_acceleration",
-        _ACCELERATION,
-        "it ends with an acceleration {:.3g} m/s² off the scene's",
-    ),
-    Bound(
-        "jump_of_acceleration",
-        _ACCELERATION,
-        "its acceleration jumps by {:.3g} m/s² at its knots, all jumps together",
-    ),
-    Bound(
-        "kinematic_error",
+    "kinematic_error": Bound(
         _LOOPS,
-        "its coordinates leave the loops open by {:.3g} (of the upper arm and of the mean speed, "
-        "on average)",
+        "its coordinates leave the loops open by {} (of the upper arm and of the mean speed, on "
+        "average)",
     ),
-    Bound(
-        "dynamic_error",
+    "dynamic_error": Bound(
         Tolerance("1", DYNAMIC_ERROR),
-        "its torques give accelerations that differ by {:.3g} from its own (in units of the robot "
-        "and the motion, on average)",
+        "its torques give accelerations that differ by {} from its own (in units of the robot and "
+        "the motion, on average)",
     ),
-    Bound(
-        "defect_distance",
-        _PIECE_DISTANCE,
-        "its torques lead {:.3g} m off its path within a piece of it",
+    "defect_distance": Bound(
+        _PIECE_DISTANCE, "its torques lead {} off its path within a piece of it"
     ),
-    Bound(
-        "defect_speed",
-        _PIECE_SPEED,
-        "its torques give a speed {:.3g} m/s off its own within a piece of it",
+    "defect_speed": Bound(
+        _PIECE_SPEED, "its torques give a speed {} off its own within a piece of it"
     ),
-)
+}
 """Of everything but limits, whose excesses are measures of their own, each at most ``EXCESS``."""
 
-ARRIVAL_BOUNDS = (
-    Bound(
-        "arrival_distance",
-        _ARRIVAL_DISTANCE,
-        "its torques bring the platform to {:.3g} m from the goal",
+ARRIVAL_BOUNDS = {
+    "arrival_distance": Bound(
+        _ARRIVAL_DISTANCE, "its torques bring the platform to {} from the goal"
     ),
-    Bound(
-        "arrival_speed",
-        _ARRIVAL_SPEED,
-        "its torques leave the platform with a velocity {:.3g} m/s off the goal's",
+    "arrival_speed": Bound(
+        _ARRIVAL_SPEED, "its torques leave the platform with a velocity {} off the goal's"
     ),
-)
+}
 """Of the arrival, unless a motion is so long that rounding decides where it ends."""

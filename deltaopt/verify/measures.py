@@ -27,6 +27,7 @@ from deltaopt.robot.machine import Machine
 from deltaopt.robot.model import model_of
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.scene import Scene
+from deltaopt.verify.bounds import EXCESS, Check
 from deltaopt.verify.duty import Duty, duty
 from deltaopt.verify.resolved_curves import DEGREE, Cells, ResolvedCurves, ResolvedPeaks
 
@@ -70,12 +71,13 @@ class Excess:
         return key(self.limit)
 
     @property
-    def sentence(self) -> str:
-        """For an excess."""
-        what = f"{self.limit} of {self.subject}"
+    def check(self) -> Check:
+        """Its value beside the most that it may be."""
+        told = f"{self.limit} of {self.subject} exceeds its limit by {self.value:.4%}"
         if self.falls_below:
-            return f"{what} is {self.amount:.3g} {self.unit} below its limit at t = {self.t:.6g} s"
-        return f"{what} exceeds its limit by {self.value:.4%} at t = {self.t:.6g} s"
+            amount = f"{self.amount:.3g} {self.unit}"
+            told = f"{self.limit} of {self.subject} is {amount} below its limit"
+        return Check(self.key, self.value, EXCESS, "1", f"{told} at t = {self.t:.6g} s")
 
 
 @dataclass(frozen=True)

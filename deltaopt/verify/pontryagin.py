@@ -216,12 +216,9 @@ def _unknowns(H: Array, of_free: Array, weights: Array, given: float) -> Array:
     """p(0) and the jumps of least squares, and 1: of H, (K, c, unknowns + 1), and of the switching
     functions of torques at no limit, (N, c, unknowns + 1), each with its weight, (N,). ``given``: 1
     where T is, 0 elsewhere."""
-    level = np.full((*H.shape[:2], 1), -given)  # H is this unknown where T is given
-    equations = [np.concatenate([level, H], axis=2).reshape(-1, H.shape[-1] + 1)]
-    of_free = of_free * weights[:, None, None]
-    none = np.zeros((*of_free.shape[:2], 1))
-    equations.append(np.concatenate([none, of_free], axis=2).reshape(-1, H.shape[-1] + 1))
-    rows = np.concatenate(equations)
+    of_H = np.insert(H, 0, -given, axis=2)  # the first unknown, which H is where T is given
+    of_free = np.insert(of_free * weights[:, None, None], 0, 0.0, axis=2)
+    rows = np.concatenate([each.reshape(-1, of_H.shape[-1]) for each in (of_H, of_free)])
     u = np.linalg.lstsq(rows[:, :-1], -rows[:, -1], rcond=1e-11)[0]
     return np.append(u[1:], 1.0)
 

@@ -151,12 +151,11 @@ class Verification:
 
     def checks(self) -> list[Check]:
         """All measures that have a bound in this scene, limits first."""
-        bounds = BOUNDS + (ARRIVAL_BOUNDS if self.judges_arrival else ())
-        values = [(bound, getattr(self, bound.measure)) for bound in bounds]
-        return [
-            Check(excess.key, excess.value, EXCESS, "1", excess.sentence)
-            for excess in self.excesses.values()
-        ] + [bound.check(value, self.sizes) for bound, value in values if value is not None]
+        bounds = BOUNDS | (ARRIVAL_BOUNDS if self.judges_arrival else {})
+        values = ((name, getattr(self, name)) for name in bounds)
+        known = ((name, value) for name, value in values if value is not None)
+        others = (bounds[name].check(name, value, self.sizes) for name, value in known)
+        return [*(excess.check for excess in self.excesses.values()), *others]
 
     def failures(self) -> list[str]:
         """What is wrong with the motion, one sentence each; empty if it passes."""
@@ -204,14 +203,8 @@ class Verification:
             for excess in self.excesses.values()
         }
         content["singularities"] = {
-            distance.name: {
-                "least": finite(distance.least),
-                "formula": distance.formula,
-                "unit": distance.unit,
-                "subject": distance.subject,
-                "t": distance.t,
-            }
-            for distance in self.distances
+            each.name: {key: finite(value) for key, value in vars(each).items() if key != "name"}
+            for each in self.distances
         }
         content["duty"] = None if self.duty is None else self.duty.as_dict()
         return content
@@ -369,8 +362,8 @@ def _ends(scene: Scene, trajectory: Trajectory, nothing: Verification) -> dict[s
     x, v, a = trajectory.path_inside([0.0, 1.0])
     task, on_path = scene.task, dict[str, float]()
     if isinstance(task, OnPath):
-        asked = next(each for each in BOUNDS if each.measure == "path_distance")
-        on_path["path_distance"] = off_path(task, trajectory, asked.tolerance.of(nothing.sizes))
+        asked = BOUNDS["path_distance"].tolerance.of(nothing.sizes)
+        on_path["path_distance"] = off_path(task, trajectory, asked)
     goal = goal_of(problem_of(scene), trajectory)
     if task.via:
         on_path["via_distance"] = off_via_points(task, trajectory)

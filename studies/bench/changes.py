@@ -22,9 +22,8 @@ from deltaopt.scene.moving_ends import Anywhere, Belt, State
 from deltaopt.scene.objective import TimeAndEffort
 from deltaopt.scene.parallel_singularity import distance_from_parallel
 from deltaopt.scene.path import Corners, Line, PickAndPlace
-from deltaopt.scene.rotation import Rotation
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.way import Approach, ApproachAtEnd
+from deltaopt.scene.way import Approach, ApproachAtEnd, Rotation
 from studies.bench.random_scenes import singular_volumes
 
 Change = Callable[[Scene, np.random.Generator], Scene]

@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from deltaopt.errors import SceneError
-from deltaopt.files.units import Misread, Quantity
+from deltaopt.files.units import LENGTH, Misread, Quantity
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
@@ -133,9 +133,9 @@ def test_every_number_of_a_scene_may_have_a_unit(tmp_path: Path) -> None:
     ],
 )
 def test_units_as_people_write_them(unit: str, text: str, number: float) -> None:
-    assert Quantity(unit).in_si(text) == pytest.approx(number, rel=2.3e-16, abs=0)
-    same = Quantity(unit).in_si(text)
-    assert Quantity(unit).in_si([text, 1, [text]]) == (same, 1, (same,))
+    assert Quantity(unit, "a number").in_si(text) == pytest.approx(number, rel=2.3e-16, abs=0)
+    same = Quantity(unit, "a number").in_si(text)
+    assert Quantity(unit, "a number").in_si([text, 1, [text]]) == (same, 1, (same,))
 
 
 @pytest.mark.parametrize(
@@ -152,7 +152,7 @@ def test_viscous_friction_is_by_radian_or_without(text: str, number: float) -> N
 def test_a_decimal_number_is_rounded_once() -> None:
     """0.001 x 350 is 0.35000000000000003 in floats."""
     for millimetres in range(1, 2000):
-        assert Quantity("m").in_si(f"{millimetres} mm") == millimetres / 1000
+        assert LENGTH.in_si(f"{millimetres} mm") == millimetres / 1000
 
 
 @pytest.mark.parametrize(
@@ -180,7 +180,7 @@ def test_a_decimal_number_is_rounded_once() -> None:
 )
 def test_what_is_no_such_unit(unit: str, text: str) -> None:
     with pytest.raises(Misread):
-        Quantity(unit).in_si(text)
+        Quantity(unit, "a number").in_si(text)
 
 
 @pytest.mark.parametrize(
@@ -188,7 +188,7 @@ def test_what_is_no_such_unit(unit: str, text: str) -> None:
 )
 def test_what_is_no_quantity_is_left_for_the_field_to_refuse(text: str) -> None:
     try:
-        assert Quantity("m").in_si(text) == text
+        assert LENGTH.in_si(text) == text
     except Misread:
         assert text == "1e-9999 m"
     assert error_of(IN_SI, "base_radius", text).value == text

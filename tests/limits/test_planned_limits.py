@@ -21,8 +21,8 @@ from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.known_limits import limits_of
-from deltaopt.scene.rotation import Rotation
 from deltaopt.scene.scene import Scene
+from deltaopt.scene.way import Rotation
 
 PICK = deltaopt.load_scene("problems/pick_and_place.yaml")
 CROSS = deltaopt.load_scene("problems/industrial_cross.yaml")

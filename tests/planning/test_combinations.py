@@ -11,7 +11,7 @@ from deltaopt import Body, Effort, Plan, SceneError, load_scene, plan, verify
 from deltaopt.limits.running_cost import Running
 from deltaopt.motion.running_cost import running_cost
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.scene.moving_ends import end_in
+from deltaopt.scene.moving_ends import goal_in
 from deltaopt.scene.scene import Scene
 from studies.problems import PROBLEMS
 from studies.triples.drawn import drawn
@@ -133,7 +133,7 @@ def test_ways_past_bodies_where_an_end_moves(moving):
 def test_a_belt_that_hardly_moves_past_bodies_is_a_fixed_goal():
     at_rest, scene = plan(together("bodies")), together("bodies")
     slow = {"at": list(scene.goal), "belt": [0.0, 0.0, 1e-4]}
-    found = plan(scene.model_copy(update={"goal": end_in("goal", slow)}))
+    found = plan(scene.model_copy(update={"goal": goal_in(slow)}))
     assert found.duration == pytest.approx(at_rest.duration, rel=2e-3)
     assert found.ways[0].name == at_rest.ways[0].name
 

@@ -15,7 +15,7 @@ from deltaopt.cli import main
 from deltaopt.motion.active_limits import ActiveLimit
 from deltaopt.motion.limit_sensitivity import LimitSensitivity, limits_in_words
 from deltaopt.scene.known_limits import limits_of
-from deltaopt.scene.rotation import Rotation
+from deltaopt.scene.way import Rotation
 
 CASES = [
     ("pick_and_place", "torque", 1, "motor 2"),

@@ -23,7 +23,7 @@ from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.journal import Entry
 from deltaopt.planning.plan import Optimum, TakenWay, plan_as_it_is
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.report.page import cycle_report, report, write_report
+from deltaopt.report.page import cycle_report, report
 from deltaopt.scene.bodies import Body
 from deltaopt.scene.scene_file import load_cycle, load_scene
 from deltaopt.verify.verification import verify
@@ -66,7 +66,7 @@ def planned(picked):
 def page(planned, tmp_path_factory) -> Path:
     found, verification = planned
     file = tmp_path_factory.mktemp("report") / "report.html"
-    write_report(file, Facts(found, verification))
+    file.write_text(report(Facts(found, verification)), encoding="utf-8")
     return file
 
 
@@ -385,7 +385,7 @@ def test_the_robot_is_drawn_where_it_is(browser, planned, page):
 def narrow(tmp_path_factory) -> Path:
     """The page of a motion past bodies of all kinds, with via points."""
     file = tmp_path_factory.mktemp("narrow") / "report.html"
-    write_report(file, of_line(NARROW, baseline(NARROW)))
+    file.write_text(report(of_line(NARROW, baseline(NARROW))), encoding="utf-8")
     return file
 
 

@@ -9,8 +9,7 @@ import pytest
 
 import deltaopt
 from deltaopt.cli import main
-from deltaopt.sensitivity.keys import changed
-from deltaopt.sensitivity.numbers import content_of, job_of
+from deltaopt.sensitivity.keys import changed, content_of, job_of
 
 DIMENSIONS = {
     "": (0, 0, 0),

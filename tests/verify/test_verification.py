@@ -88,8 +88,8 @@ def test_excess_says_of_what_and_when():
     assert ratio.max() == pytest.approx(found.value, rel=1e-9)
     assert found.amount == pytest.approx(found.value * 10, rel=1e-12)  # of 10 N·m
     assert found.unit == "N·m"
-    assert f"torque of {found.subject} exceeds its limit by" in found.sentence
-    assert f"at t = {found.t:.6g} s" in found.sentence
+    assert f"torque of {found.subject} exceeds its limit by" in found.check.complaint
+    assert f"at t = {found.t:.6g} s" in found.check.complaint
 
 
 def test_safe_duration_agrees_with_the_planner():

@@ -43,17 +43,23 @@ class StateSamples:
 class Computation:
     """A computation whose cost and error are measured, such as inverse dynamics.
 
-    ``function``: a formulation's own, of a mechanism; its first result counts. ``big_system``: of a
-    mechanism inputs, A and b of model L_I's linear system, the unknowns sought first. ``given``:
-    the last of its inputs after time and state, ``sought``: what should come out, as `StateSamples`
-    names them.
+    ``given``: the last of its inputs after time and state, ``sought``: what should come out, as
+    `StateSamples` names them.
     """
 
     name: str
-    function: Callable[[Formulation, Mechanism], ca.Function]
-    big_system: Callable[[Mechanism], tuple[list[SX], SX, SX]]
     given: str
     sought: str
+
+    def function(self, formulation: Formulation, mechanism: Mechanism) -> ca.Function:
+        """A formulation's own, of a mechanism; its first result counts."""
+        found: ca.Function = getattr(formulation, f"{self.name}_dynamics")(mechanism)
+        return found
+
+    def big_system(self, mechanism: Mechanism) -> tuple[list[SX], SX, SX]:
+        """Inputs, A and b of model L_I's linear system, the unknowns sought first."""
+        found: tuple[list[SX], SX, SX] = getattr(Multiplier(), f"{self.name}_system")(mechanism)
+        return found
 
     def inputs(self, samples: StateSamples) -> list[Array]:
         """All inputs but the parameters, (N, size) each."""
@@ -65,21 +71,9 @@ class Computation:
         return np.asarray(getattr(samples, self.sought))
 
 
-INVERSE = Computation(
-    "inverse",
-    lambda formulation, mechanism: formulation.inverse_dynamics(mechanism),
-    Multiplier().inverse_system,
-    given="ddq",
-    sought="tau",
-)
+INVERSE = Computation("inverse", given="ddq", sought="tau")
 """Torques from the motion: q, q̇, q̈ → τ."""
-FORWARD = Computation(
-    "forward",
-    lambda formulation, mechanism: formulation.forward_dynamics(mechanism),
-    Multiplier().forward_system,
-    given="tau",
-    sought="ddq",
-)
+FORWARD = Computation("forward", given="tau", sought="ddq")
 """Accelerations from torques: q, q̇, τ → q̈."""
 TASKS = INVERSE, FORWARD
 

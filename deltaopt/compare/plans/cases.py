@@ -97,7 +97,11 @@ class Case:
         def kept(k: float) -> bool:
             return bool((np.abs(slowed(k)[:, judged]) <= 1 + 1e-12).all())
 
-        return _smallest(kept)
+        if kept(1.0):
+            return 1.0
+        if not kept(SLOWEST):
+            return np.inf
+        return bisected_number(kept, 1.0, SLOWEST, ceil(log2(SLOWEST / _ACCURACY)))[1]
 
     def _slowed(self, position: PiecewisePolynomial) -> Callable[[float], Array]:
         """The limits' rows of the motion k times as slow, (N · 25, rows), as a function of k.
@@ -193,12 +197,3 @@ def _five_bar_system() -> ScaledMechanism:
         np.array([True, True, False, False]),
     )
     return ScaledMechanism(m, (0, 1), inverse_kinematics(), scales, units, limits)
-
-
-def _smallest(kept: Callable[[float], bool]) -> float:
-    """The least factor from 1 on from which ``kept`` holds, by bisection."""
-    if kept(1.0):
-        return 1.0
-    if not kept(SLOWEST):
-        return np.inf
-    return bisected_number(kept, 1.0, SLOWEST, ceil(log2(SLOWEST / _ACCURACY)))[1]

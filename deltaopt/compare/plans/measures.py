@@ -48,7 +48,8 @@ def quality(case: Case, problem: CollocationProblem, z: Array) -> Quality:
     motion: tuple[Array, ...] = motion_inside(planned)
     if len(problem.equations.coordinates) != system.n:
         motion = system.rows(system.motion, *motion, p=case.task.p)
-    powers = _powers(problem.variables.points).T @ torques  # (N, powers, motors)
+    by_node: Array = np.stack([each.coef for each in lagrange(problem.variables.points)])
+    powers = by_node.T @ torques  # (N, powers, motors)
     inside = np.vander(FRACTIONS, powers.shape[1], increasing=True) @ powers
     tau = inside.reshape(-1, system.motors)
     f, error = system.rows(_errors(system), *motion, tau, p=case.task.p)
@@ -113,11 +114,6 @@ def integrator(system: ScaledMechanism, points: int) -> PreciseIntegrator:
     ddq, _ = Multiplier().forward_dynamics(m)(0, q, dq, tau, p[system.scales.numel() :])
     rate = ca.vertcat(state[nu:], ddq[list(system.independent)])
     return PreciseIntegrator(u, state, rate, length, ca.vertcat(ca.vec(coefficients), length, p))
-
-
-def _powers(nodes: Array) -> Array:
-    """Coefficients of Lagrange's polynomials, (node, power)."""
-    return np.stack([each.coef for each in lagrange(nodes)])
 
 
 def _mean(knots: Array, rows: Array) -> float:

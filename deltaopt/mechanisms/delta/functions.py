@@ -117,14 +117,12 @@ class DeltaFunctions(Functions):
         chain is sin² (q_{k,1} - q_{k,2}), zero in its serial singularity. For slender bars the
         angle-free form of ``slender_bars`` is evaluated, otherwise the general derivation.
         """
-        x, v, a, tau = (SX.sym(name, 3) for name in ("x", "v", "a", "tau"))
+        if not self.terms.slender:
+            return super().explicit_equations
+        motion = [SX.sym(name, 3) for name in ("x", "v", "a", "tau")]
         terms = self.terms.symbols()
-        if self.terms.slender:
-            results: tuple[SX, ...] = angle_free_equations(terms, x, v, a, tau)
-        else:
-            results = self.general_equations(x, v, a, tau, terms.vector())
-        inputs = [x, v, a, tau, terms.vector()]
-        return ca.Function("explicit_equations", inputs, list(results))
+        equations = angle_free_equations(terms, *motion)
+        return ca.Function("explicit_equations", [*motion, terms.vector()], list(equations))
 
     @cached_property
     def explicit_multipliers(self) -> ca.Function:

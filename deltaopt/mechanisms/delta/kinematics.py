@@ -7,7 +7,7 @@ from math import cos, sin
 import casadi as ca
 
 from deltaopt.dynamics.mechanism import SX
-from deltaopt.mechanisms.delta.mechanism import AZIMUTHS, DeltaParameters
+from deltaopt.mechanisms.delta.mechanism import AZIMUTHS, DeltaParameters, in_base
 
 
 def inverse_kinematics(p: DeltaParameters, x: SX) -> SX:
@@ -53,9 +53,7 @@ def forward_kinematics(p: DeltaParameters, theta: SX) -> SX:
     centres = []
     for k, azimuth in enumerate(AZIMUTHS):
         outward = p.a1 - p.a4 + 2 * p.a2 * ca.cos(theta[k])
-        centres.append(
-            ca.vertcat(-2 * p.a2 * ca.sin(theta[k]), cos(azimuth) * outward, sin(azimuth) * outward)
-        )
+        centres.append(in_base(azimuth, -2 * p.a2 * ca.sin(theta[k]), outward, SX(0)))
     # The centre of the circle through the three centres lies on the line of both solutions.
     b, c = centres[1] - centres[0], centres[2] - centres[0]
     normal = ca.cross(b, c)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import cos, sin
 
 import casadi as ca
 
 from deltaopt.dynamics.mechanism import SX
-from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
+from deltaopt.mechanisms.delta.mechanism import AZIMUTHS, in_base
 from deltaopt.mechanisms.functions import SingularityDistance
 
 
@@ -53,17 +52,12 @@ _BARS = tuple(zip(AZIMUTHS, (4, 7, 10), strict=True))
 def _bar(azimuth: float, angles: SX) -> SX:
     """Unit vector from elbow to platform in the base frame, of q_{k,2} and q_{k,3}."""
     c, s = ca.cos(angles), ca.sin(angles)
-    outward, sideways = c[0] * c[1], s[1]
-    return ca.vertcat(
-        -s[0] * c[1],
-        cos(azimuth) * outward - sin(azimuth) * sideways,
-        sin(azimuth) * outward + cos(azimuth) * sideways,
-    )
+    return in_base(azimuth, -s[0] * c[1], c[0] * c[1], s[1])
 
 
 def _normal(azimuth: float, angle: SX) -> SX:
     """Unit normal of a parallelogram, across its bars and its axis at the elbow, of q_{k,2}."""
-    return ca.vertcat(ca.cos(angle), cos(azimuth) * ca.sin(angle), sin(azimuth) * ca.sin(angle))
+    return in_base(azimuth, ca.cos(angle), ca.sin(angle), SX(0))
 
 
 def _squared(margins: Callable[[SX], SX]) -> Callable[[SX], SX]:
