@@ -144,8 +144,8 @@ class Bounds:
 
 @dataclass(frozen=True)
 class Key:
-    """A key under ``limits`` in a scene file: its name, and its type for pydantic, a number with its
-    ``Quantity`` and range, which also say what is expected."""
+    """A key under ``limits`` in a scene file: its name, and its type for pydantic, a number with
+    its ``Quantity`` and range, which also say what is expected."""
 
     name: str
     type: Any

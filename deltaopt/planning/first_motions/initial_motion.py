@@ -14,12 +14,19 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polymul, polyval
 
 from deltaopt.codegen.vectorised import RowFunction
-from deltaopt.curves.piecewise import QUINTIC, Array, PiecewisePolynomial
+from deltaopt.curves.piecewise import (
+    QUINTIC,
+    Array,
+    PiecewisePolynomial,
+    hermite_pieces,
+    quintic_rest,
+)
 from deltaopt.errors import RULED_OUT, Infeasible, Unreachable, if_possible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.motion.time_scaling import needed_slowing, rough_factor
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.problem.boundary import REST
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.machine import Model
 from deltaopt.robot.model import model_of
@@ -148,29 +155,56 @@ def joint_line(scene: Scene) -> Trajectory:
     Raises Unreachable where the loops cannot close.
     """
     model = model_of(scene.robot, scene.payload)
-    u = np.linspace(0.0, 1.0, _JOINT_LINE_INTERVALS + 1)
-    start, goal = given_points(scene.task)
-    ends = np.tile([*start, *goal], (len(u), 1))
-    share = np.asarray(polyval(u, QUINTIC), dtype=float)[:, None]
-    rate = np.asarray(polyval(u, polyder(QUINTIC)), dtype=float)[:, None]
-    function = _joint_line_function(model.functions)
-    x, v = function(ends, share, rate, parameters=model.parameters)
-    if not np.isfinite(x).all():
+    start, goal = (np.array([[*point, *REST]]) for point in given_points(scene.task))
+    pieces, _ = angle_quintics(model, start, goal, np.ones(1), _JOINT_LINE_INTERVALS)
+    if not np.isfinite(pieces).all():
         raise Unreachable("motor angles straight from start to goal: the bars do not meet")
-    x[[0, -1]], v[[0, -1]] = (start, goal), 0.0
-    return Trajectory(PiecewisePolynomial.hermite(u, x, v), model)
+    u = np.linspace(0.0, 1.0, _JOINT_LINE_INTERVALS + 1)
+    return Trajectory(PiecewisePolynomial(u, pieces[0]), model)
+
+
+def angle_quintics(
+    model: Model, begin: Array, end: Array, durations: Array, pieces: int
+) -> tuple[Array, Array]:
+    """Motions whose motor angles are quintics of time, between positions and velocities of the
+    platform, (n, 6), m and m/s, in some durations, (n,), s, approximated by cubics.
+
+    Returns coefficients of ascending powers of the time since a piece began, (n, pieces, 4, 3), m,
+    and lengths, (n, pieces), s. Coefficients are NaN where the loops cannot close.
+    """
+    to_angles, to_places = _angle_functions(model.functions)
+    (first, leaving), (last, arriving) = (
+        to_angles(end[:, :3], end[:, 3:], parameters=model.parameters) for end in (begin, end)
+    )
+    T = durations[:, None]
+    rest = quintic_rest(last - first - T * leaving, T * (arriving - leaving))
+    by_power = np.stack([first, T * leaving, np.zeros_like(first), *rest])
+    u = np.linspace(0.0, 1.0, pieces + 1)
+    theta, rate = (polyval(u, each) for each in (by_power, polyder(by_power)))
+    angles = (np.moveaxis(each, -1, 1).reshape(-1, first.shape[1]) for each in (theta, rate))
+    found = to_places(*angles, parameters=model.parameters)
+    x, v = (each.reshape(len(T), -1, 3) for each in found)
+    v /= T[:, None]
+    for place, given in ((0, begin), (-1, end)):
+        x[:, place], v[:, place] = given[:, :3], given[:, 3:]
+    lengths = np.repeat(T / pieces, pieces, axis=1)
+    before, after = (
+        [each[:, part].reshape(-1, 3) for each in (x, v)] for part in (slice(-1), slice(1, None))
+    )
+    return hermite_pieces(lengths.ravel(), before, after).reshape(len(T), pieces, 4, 3), lengths
 
 
 @lru_cache(maxsize=16)
-def _joint_line_function(functions: Functions) -> RowFunction:
-    """(start and goal, share of the line in motor angles, its rate, p) -> x, v of the platform."""
-    ends, share, rate = ca.SX.sym("ends", 6), ca.SX.sym("share"), ca.SX.sym("rate")
-    p = functions.symbols()
-    both = (functions.inverse_kinematics(end, p) for end in (ends[:3], ends[3:]))
-    first, last = (q[functions.motors] for q in both)
-    x = functions.forward_kinematics((1 - share) * first + share * last, p)
-    v = ca.jtimes(x, share, rate)
-    return RowFunction.of("joint_line", [ends, share, rate, p], [x, v])
+def _angle_functions(functions: Functions) -> tuple[RowFunction, RowFunction]:
+    """(x, v, p) -> motor angles and their rates, and (these, p) -> x, v of the platform."""
+    p, place, theta = functions.symbols(), ca.SX.sym("x", 3), ca.SX.sym("theta", 3)
+    rate = ca.SX.sym("rate", 3)
+    angles = functions.inverse_kinematics(place, p)[functions.motors]
+    back = functions.forward_kinematics(theta, p)
+    return (
+        RowFunction.of("angles", [place, rate, p], [angles, ca.jtimes(angles, place, rate)]),
+        RowFunction.of("places", [theta, rate, p], [back, ca.jtimes(back, theta, rate)]),
+    )
 
 
 def waiting_motions(scene: Scene, duration: float) -> list[Trajectory]:

@@ -18,7 +18,7 @@ from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.motion.loads import sizes_at
 from deltaopt.motion.trajectory import Trajectory, end_of, start_of
 from deltaopt.planning.first_motions.belt import Meetings
-from deltaopt.planning.first_motions.initial_motion import Proposal
+from deltaopt.planning.first_motions.initial_motion import Proposal, angle_quintics
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.problem.of_scene import problem_of
@@ -39,6 +39,8 @@ _MOST = 100
 """By which factor a mesh may be finer for a motion that waits first. A finer one takes seconds."""
 _RESOLVED = 1e-11
 """A way that is none, m: of a motion that ends at the goal, or at rest, but for rounding."""
+_PIECES = 12
+"""Cubics of which a quintic of the motor angles is made."""
 NEARLY = 1.2
 """Excess over its limits with which a guess is good enough: the optimum bends away from it."""
 QUICK, _MUCH = 2.3, 0.6
@@ -58,9 +60,9 @@ def first_moving_motions(
     scene: Scene, under_way: PiecewisePolynomial | None, most: float = NEARLY
 ) -> Iterator[Proposal]:
     """First guesses, the best first: a quintic that is much quicker than others, if there is one; a
-    quintic; the motion under way to its end and on from there to the goal, where one is under way;
-    a stop, and on from there; a stop, from rest to rest to where a run-up to the goal begins, and
-    that.
+    quintic; one of the motor angles; the motion under way to its end and on from there to the goal,
+    where one is under way; a stop, and on from there; a stop, from rest to rest to where a run-up
+    to the goal begins, and that.
 
     ``under_way``: what would follow the start, from the time 0 on, m over s. ``most``: of the
     limits they take at samples, if that is possible; between two rests not more than all, and the
@@ -72,6 +74,9 @@ def first_moving_motions(
         yield Proposal("a quintic", quick)
     if direct is not None:
         yield Proposal("a quintic", direct)
+    turning = shortest_to_goal(scene, _of_motor_angles(scene), most)
+    if turning is not None:
+        yield Proposal("a quintic of the motor angles", turning)
     for motion in _waiting(scene, most):
         yield Proposal("waiting for the belt, then a quintic", motion)
     if under_way is not None:
@@ -120,6 +125,21 @@ def _direct(scene: Scene) -> Family:
     """The quintics from start to goal."""
     start, goal = scene.task.start, scene.task.goal
     return _quintics(lambda T: (start, goal.at(T, _stopped(start, T))))
+
+
+def _of_motor_angles(scene: Scene) -> Family:
+    """Motions from start to goal whose motor angles are quintics of time: they stay in the
+    workspace where a way straight ahead leads out of it."""
+    start, goal = scene.task.start, scene.task.goal
+    model = model_of(scene.robot, scene.payload)
+
+    def family(durations: Array) -> tuple[Array, Array]:
+        ends = (goal.at(T, _stopped(start, T)) for T in durations.tolist())
+        end = np.array([[*each.position, *each.velocity] for each in ends])
+        begin = np.tile([*start.position, *start.velocity], (len(end), 1))
+        return angle_quintics(model, begin, end, durations, _PIECES)
+
+    return family
 
 
 def shortest_to_goal(scene: Scene, family: Family, most: float = NEARLY) -> Trajectory | None:
