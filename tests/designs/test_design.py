@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from math import sqrt
 
 import pytest
@@ -105,6 +106,28 @@ def test_rows_of_a_catalogue(folder, capsys):
     assert "2 choices passed over, which cannot be better" in capsys.readouterr().out
 
 
+def test_numbers_of_a_catalogue_in_any_notation(folder):
+    """T ~ √((J + n² Jm) / τ) of motors of τ = 0.955 and 3.82 N·m, Jm = 0.14 and 0.28 kg·cm²."""
+    file = written(folder, f"scenes: [near.yaml]\n{CATALOGUE}")
+
+    def duration(row):
+        (folder / "motors.csv").write_text(f"{MOTORS.splitlines()[0]}\nmotor,{row},100\n")
+        return deltaopt.design(file).best.durations[0]
+
+    slow, fast = duration(".955,+.14"), duration("382e-2,.28")
+    inertias = [0.02 + 20**2 * rotor for rotor in (0.14e-4, 0.28e-4)]
+    assert slow / fast == pytest.approx(sqrt(inertias[0] / 0.955 / (inertias[1] / 3.82)), rel=1e-4)
+
+
+@pytest.mark.parametrize("cell", ["", "-", "~3.82", "on request"])
+def test_a_row_without_a_number_is_refused(folder, cell):
+    """Ranked with the robot's own number it would be another motor."""
+    (folder / "motors.csv").write_text(MOTORS.replace("3.82,0.28,200", f"{cell},0.28,200"))
+    told = f"motors.csv has no number in column Peak torque [N*m], but {cell!r} in line 3; expected"
+    with pytest.raises(deltaopt.SceneError, match=re.escape(told)):
+        deltaopt.design(written(folder, f"scenes: [near.yaml]\n{CATALOGUE}"))
+
+
 def test_both_files_or_none_and_no_robot_of_somebody(folder, capsys):
     file = written(folder, f"scenes: [far.yaml]\n{GEAR}")
     words = ["design", str(file), "--tolerance", "1e-3", "-o"]
@@ -142,7 +165,7 @@ def test_both_files_or_none_and_no_robot_of_somebody(folder, capsys):
         ),
         (
             "scenes: [far.yaml]\n" + CATALOGUE.replace("Rotor", "Motor"),
-            "catalogues[0].file has no column Motor inertia [kg*cm^2]",
+            "catalogues[0].file motors.csv has no column Motor inertia [kg*cm^2]",
         ),
     ],
 )
