@@ -24,6 +24,9 @@ RECORD = "cycle.json"
 CYCLE_COLUMNS = (*COLUMNS, "leg", "payload")
 """Of the table of a cycle: beside those of a plan which leg it is, from 1 on, its dwell included,
 and the payload, kg."""
+_JOINED = 1e-6
+"""Angle, rad, also in the duration of a motion, by which motions that follow each other may be
+apart: legs are planned to less, and encoders do not see it."""
 
 
 def verified(plan: CyclePlan) -> CycleVerification:
@@ -63,22 +66,54 @@ def content_of_cycle(plan: CyclePlan, verification: CycleVerification) -> dict[s
 
 def load_legs(path: Path) -> list[tuple[Path, SavedPlan, Trajectory | None]]:
     """The legs of a saved cycle: the folder of each, its plan and the wait after it, None without.
-    A plan of a single motion is one leg. Raises UnreadablePlan."""
+    A plan of a single motion is one leg. Raises UnreadablePlan, also where the legs are not those
+    that the record times, or where one does not go on from the one before."""
     file = path / RECORD
     if not file.is_file():
         return [(path, load_plan(path), None)]
     legs = list[tuple[Path, SavedPlan, Trajectory | None]]()
+    record, begins = read_record(file), 0.0
     try:
-        for each in read_record(file)["legs"]:
+        for each in record["legs"]:
             folder, dwell = path / each["folder"], float(each["dwell"])
             plan = load_plan(folder)
             state = plan.trajectory.position.with_rate_at(plan.trajectory.knots[-1:])
             (at,), (velocity,) = (column.tolist() for column in state)
             wait = waiting(plan.trajectory.model, at, velocity, dwell) if dwell > 0 else None
             legs.append((folder, plan, wait))
+            _require(each["folder"], "begins", float(each["begins"]), begins)
+            _require(each["folder"], "takes", float(each["duration"]), plan.duration)
+            begins += plan.duration + dwell
+        _require("the cycle", "takes", float(record["period"]), begins)
+        _require_joined(legs)
     except (KeyError, TypeError, ValueError) as error:
         raise UnreadablePlan(f"{file}: its legs cannot be used: {error}") from None
     return legs
+
+
+def _require(what: str, does: str, told: float, found: float) -> None:
+    """Raise ValueError where a time of the record, s, is not that of the motions and dwells."""
+    if not abs(told - found) <= 1e-9 * max(told, found):
+        by_motions = f"by motions and dwells {found:.9g} s"
+        raise ValueError(f"{what} {does} {told:.9g} s by the record, and {by_motions}")
+
+
+def _require_joined(legs: list[tuple[Path, SavedPlan, Trajectory | None]]) -> None:
+    """Raise ValueError unless all legs are of one robot, whatever its tool, and each motion begins
+    with the angles and speeds with which the one before it ends."""
+    bare = [plan.scene.robot.model_copy(update={"tool": None}) for _, plan, _ in legs]
+    parts = list[tuple[str, Trajectory]]()
+    for (folder, plan, wait), robot in zip(legs, bare, strict=True):
+        if robot != bare[0]:
+            raise ValueError(f"{folder.name} is of another robot than {legs[0][0].name}")
+        parts.append((folder.name, plan.trajectory))
+        parts += [] if wait is None else [(f"the wait after {folder.name}", wait)]
+    for (before, one), (name, other) in zip(parts, parts[1:] + parts[:1], strict=True):
+        ends, begins = one(one.knots[-1]), other(other.knots[0])
+        far = float(np.abs(begins.theta - ends.theta).max())
+        off = float(np.abs(begins.dtheta - ends.dtheta).max())
+        if far > _JOINED or off * min(one.duration, other.duration) > _JOINED:
+            raise ValueError(f"{name} begins {far:.3g} rad and {off:.3g} rad/s off {before}'s end")
 
 
 def told_of_period(path: Path, period: float) -> Iterator[str]:

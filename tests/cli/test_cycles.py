@@ -244,3 +244,58 @@ def test_a_table_has_the_whole_cycle(there_and_back, tmp_path, capsys):
     (tmp_path / "out" / "cycle.json").write_text("[]")
     assert main(given) == 2
     assert "it is no record of a plan" in capsys.readouterr().err
+
+
+def edited(there_and_back, folder, change):
+    """A copy of the planned cycle whose record has another number, at the same times."""
+    shutil.copytree(there_and_back, folder)
+    record = json.loads((folder / "cycle.json").read_text())
+    change(record)
+    (folder / "cycle.json").write_text(json.dumps(record))
+    return folder
+
+
+@pytest.mark.parametrize("target", ["table", "ros2", "cam"])
+def test_legs_that_do_not_join_are_refused(there_and_back, tmp_path, capsys, target):
+    """The way there twice, with times that add up: it jumps back by what trajectory.csv says."""
+
+    def twice(record):
+        there, back = record["legs"]
+        record["period"] -= back["duration"] - there["duration"]
+        there["folder"] = back["folder"] = "leg_1"
+        back["duration"] = there["duration"]
+
+    folder = edited(there_and_back, tmp_path / "out", twice)
+    angles = [f"theta{k}" for k in (1, 2, 3)]
+    way = np.diff(read_csv(folder / "leg_1" / "trajectory.csv").columns(angles)[[0, -1]], axis=0)
+    words = ["export", target, str(folder), "-o", str(tmp_path / "written")]
+    assert main(words) == 2
+    said = capsys.readouterr().err
+    told = rf"leg_1 begins {np.abs(way).max():.3g} rad and \S+ rad/s off the wait after leg_1's end"
+    assert re.search(told, said)
+    assert said.count("\n") == 1
+    assert not (tmp_path / "written").exists()
+
+
+@pytest.mark.parametrize("key", ["begins", "duration", "dwell", "period"])
+def test_times_of_a_record_that_its_legs_do_not_take_are_refused(
+    there_and_back, tmp_path, capsys, key
+):
+    def longer(record):
+        numbers = record if key == "period" else record["legs"][1]
+        numbers[key] += 0.01
+
+    folder = edited(there_and_back, tmp_path / "out", longer)
+    assert main(["export", "table", str(folder), "-o", str(tmp_path / "table.csv")]) == 2
+    said = capsys.readouterr().err
+    assert "cycle.json: its legs cannot be used: " in said
+    assert said.count("\n") == 1
+
+
+def test_legs_of_other_robots_are_refused(there_and_back, tmp_path, capsys):
+    folder = edited(there_and_back, tmp_path / "out", lambda record: None)
+    plan = json.loads((folder / "leg_2" / "plan.json").read_text())
+    plan["scene"]["robot"]["platform"]["mass"] *= 1.1
+    (folder / "leg_2" / "plan.json").write_text(json.dumps(plan))
+    assert main(["export", "table", str(folder), "-o", str(tmp_path / "table.csv")]) == 2
+    assert "leg_2 is of another robot than leg_1" in capsys.readouterr().err
