@@ -83,10 +83,48 @@ def test_what_a_gear_costs_and_what_a_scene_may_take(folder):
     text = f"scenes: [far.yaml]\nlongest: 34 ms\n{GEAR.replace('most: 60', 'most: 60, price: 1')}"
     found = deltaopt.design(written(folder, text))
     assert found.best.durations == pytest.approx([0.034], rel=1e-4)
+    assert found.best.durations[0] <= 0.034
     shares = [sqrt((0.02 + n * n * 0.28e-4) / n) for n in (found.best.values[0], RATIO)]
     fastest = deltaopt.design(written(folder, f"scenes: [far.yaml]\n{GEAR}")).best.durations[0]
     assert shares[0] / shares[1] == pytest.approx(0.034 / fastest, rel=1e-4)
     assert found.best.values[0] < RATIO
+
+
+@pytest.mark.parametrize("how", ["", " times"])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
+def test_the_least_torque_that_will_do(folder, how, tolerance):
+    """T ~ 1/√τ: at a share 1.15 of what the middle of the bounds takes it is τ / 1.15²."""
+    unit, key = 3.82 if how else 1, f"robot.drive.motor.peak_torque{how}"
+    least, most = 3 / unit, 9.5 / unit
+    text = f"change: [{{key: {key}, least: {least}, most: {most}, price: 1}}]\n"
+    text = f"scenes: [far.yaml]\nper_second: 0\n{text}"
+    (folder / "robot.yaml").write_text(ROBOT.replace("3.82", "6.25"))
+    scene = deltaopt.load_scene(folder / "far.yaml")
+    longest = 1.15 * deltaopt.plan(scene, tolerance=1e-6).duration
+    (folder / "robot.yaml").write_text(ROBOT)
+    file = written(folder, f"{text}longest: {longest} s\n")
+    for derivatives in (True, False):
+        found = deltaopt.design(file, derivatives=derivatives, tolerance=tolerance).best
+        assert found.durations[0] <= longest
+        expected = 6.25 / unit / 1.15**2
+        assert found.values == pytest.approx([expected], rel=max(3e-4, 5 * tolerance))
+
+
+def test_a_search_begins_where_there_is_a_plan(folder):
+    """Straight down arms reach √((0.3 + f)² - 0.15²): to 0.85 m with f > 0.563 m, above the middle
+    of the bounds. No worse than any forearm of a scan."""
+    change = "change:\n  - {key: robot.forearm.length, least: 0.2, most: 0.9}\n"
+    for more in ("", "  - {key: robot.drive.gear.ratio, least: 8, most: 60}\n"):
+        file = written(folder, f"scenes: [far.yaml]\n{change}{more}")
+        found = deltaopt.design(file, tolerance=1e-3).best
+        assert 0.563 < found.values[0] <= 0.9
+        for length in (0.6, 0.7, 0.8, 0.9):
+            other = ROBOT.replace("length: 0.8", f"length: {length}")
+            (folder / "other.yaml").write_text(other)
+            scene = (folder / "far.yaml").read_text().replace("robot.yaml", "other.yaml")
+            (folder / "scene.yaml").write_text(scene)
+            scanned = deltaopt.plan(deltaopt.load_scene(folder / "scene.yaml")).duration
+            assert found.durations[0] <= 1.002 * scanned
 
 
 def test_rows_of_a_catalogue(folder, capsys):
