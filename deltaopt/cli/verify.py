@@ -13,8 +13,8 @@ file is needed, only a robot.
 With --with mujoco a plan's torques, and nothing else, drive the robot in MuJoCo, for ever shorter
 steps: where do they lead, and does that converge to the goal?
 
-Exit code: 0 it keeps every limit, and a plan arrives (in MuJoCo too) and its files agree; 1 not so;
-2 bad input.
+Exit code: 0 it keeps every limit, and a plan arrives (in MuJoCo too) and its files agree, and the
+speeds of a table are those of its angles or positions; 1 not so; 2 bad input.
 """
 
 from __future__ import annotations
@@ -145,6 +145,10 @@ def _measure(arguments: argparse.Namespace) -> int:
         raise WrongUsage("a TABLE.csv needs the robot it is for: --robot ROBOT")
     robot = load_robot(arguments.robot)
     rows = _rows(arguments, robot.joints or Joints())
+    contradiction = rows.contradiction()
+    doubts = [*filter(None, (contradiction, rows.missing_rows()))]
+    for doubt in doubts:
+        say(f"{arguments.motion}: {doubt}")
     try:
         trajectory = rows.trajectory(delta_model(robot, arguments.payload))
         ends = trajectory.path_inside([0.0, 1.0])[0]
@@ -154,16 +158,20 @@ def _measure(arguments: argparse.Namespace) -> int:
     away = ends[np.linalg.norm(ends - ends[0], axis=1).argmax()]
     if not (away != ends[0]).any():
         raise UnreadableTable(f"{arguments.motion}: nothing moves in it")
+    if cut := rows.cut_off():
+        say(f"{arguments.motion}: {cut}")
+        doubts.append(cut)
     scene = Scene(robot=robot, payload=arguments.payload, start=tuple(ends[0]), goal=tuple(away))
     motion = MeasuredMotion(scene, trajectory)
     excesses = list(motion.excesses().values())
     what = "motor angles" if rows.quantity == ANGLES else "positions"
-    ok = all(excess.value <= EXCESS for excess in excesses)
+    ok = contradiction is None and all(excess.value <= EXCESS for excess in excesses)
     if arguments.json:
         print_json(
             {
                 "table": str(arguments.motion),
                 "ok": ok,
+                "doubts": doubts,
                 "duration": trajectory.duration,
                 "rows": len(rows.t),
                 "interpolation": rows.interpolation,
@@ -206,8 +214,6 @@ def _rows(arguments: argparse.Namespace, joints: Joints) -> ForeignTable:
     if problem := found.implausible():
         expected = "--unit deg is for degrees" if rows.quantity == ANGLES else "are they in mm?"
         raise UnreadableTable(f"{arguments.motion}, {problem}; {expected}")
-    for doubt in filter(None, (found.contradiction(), found.missing_rows())):
-        say(f"{arguments.motion}: {doubt}")
     return found
 
 
