@@ -149,7 +149,7 @@ def told_of_cycle(plan: CyclePlan, verification: CycleVerification) -> Iterator[
     yield f"at most {percent(plan.gap)} {what} near it (estimated){missed}"
     legs = "; ".join(_leg(plan, index, each) for index, each in enumerate(_legs(plan)))
     yield f"legs: {legs}"
-    limits, saved = verification.rms_limits, sum(plan.prices) / 10
+    limits, saved = verification.rms_limits, sum(_saved(plan)) / 10
     if verification.rms_torque is not None:
         allowed = "" if limits is None else f", at most {_in_words(limits)} are allowed"
         more = f"; 10 % more would save {100 * saved:.1f} %" if saved > 0 else ""
@@ -164,10 +164,16 @@ def told_of_cycle(plan: CyclePlan, verification: CycleVerification) -> Iterator[
 
 def details_of_cycle(plan: CyclePlan, verification: CycleVerification) -> Iterator[str]:
     """All else: what more torque of each motor would save, and the duty of the motors."""
-    for motor, saved in enumerate(plan.prices, 1):
+    for motor, saved in enumerate(_saved(plan), 1):
         if saved > 0:
             yield f"10 % more RMS torque of motor {motor} would save {10 * saved:.1f} %"
     yield from [] if verification.duty is None else duty_table(verification.duty)
+
+
+def _saved(plan: CyclePlan) -> tuple[float, ...]:
+    """What one per cent more RMS torque of each motor saves of the period, per cent: in one that
+    is given nothing, for there prices are of the heat."""
+    return plan.prices if plan.cycle.period is None else ()
 
 
 def _leg(plan: CyclePlan, index: int, each: dict[str, Any]) -> str:

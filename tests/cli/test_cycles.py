@@ -202,6 +202,19 @@ def test_a_table_at_equal_steps_has_a_row_at_each(there_and_back, controller, tm
     assert main(["verify", str(file), "--robot", robot, "--controller", controller]) == 0
 
 
+def test_of_a_given_period_nothing_is_saved(planned, tmp_path, capsys):
+    """By more RMS torque, also where that is used up."""
+    period = 1.001 * planned[1]["period"]
+    file = tmp_path / "cycle.yaml"
+    file.write_text(f"{TEXT}\nperiod: {period}\n")
+    assert max(planned[1]["saved_by_rms_torque"]) > 0
+    assert main(["plan", str(file), "--details", "--no-plot", "-o", str(tmp_path / "out")]) == 0
+    told = capsys.readouterr().out
+    assert "at most 22, 22, 22 are allowed" in told
+    assert max(json.loads((tmp_path / "out/cycle.json").read_text())["saved_by_rms_torque"]) > 0
+    assert "would save" not in told
+
+
 def test_of_a_cycle_that_cannot_be_written_no_leg_is(tmp_path, capsys):
     (tmp_path / "cycle.json").mkdir()
     assert main(["plan", str(CYCLE), "--no-plot", "-o", str(tmp_path)]) == 2
