@@ -2,7 +2,8 @@
 
 PLAN is a folder that "deltaopt plan" wrote, or its plan.json: the motion is verified as when it was
 planned, or with --scene against a scene file. What plan.json says, and in a folder trajectory.csv,
-must be as they were written and as the motion is.
+must be as they were written and as the motion is. Of a cycle's folder all legs are verified, that
+they follow one another, and the RMS torques.
 
 TABLE.csv has a header with t (s) and theta1, theta2, theta3 (rad, or --unit deg) or x, y, z (m), at
 any rate, with rates (dtheta1, vx) and accelerations (ddtheta1, ax) if they are known; names that
@@ -27,7 +28,9 @@ import numpy as np
 
 from deltaopt.cli.arguments import WrongUsage, add_flag, add_json, kilograms
 from deltaopt.cli.streams import print_json, say, say_failures
-from deltaopt.errors import DeltaOptError, Singular, Unreachable, installed
+from deltaopt.errors import DeltaOptError, Singular, Unreachable, in_words, installed
+from deltaopt.output.cycle_files import RECORD as CYCLE
+from deltaopt.output.cycle_files import load_legs, verified_again
 from deltaopt.output.foreign_table import ANGLES, ForeignTable, UnreadableTable, read_foreign_table
 from deltaopt.output.in_words import duty_table, singularities_table, table
 from deltaopt.output.mujoco_replay import MujocoReplay, replay_in_mujoco
@@ -49,7 +52,7 @@ class NotMeasured(DeltaOptError):
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    words = "folder of a plan, or a table"
+    words = "folder of a plan or of a cycle, or a table"
     parser.add_argument("motion", type=Path, metavar="PLAN|TABLE.csv", help=words)
     words = "hold a plan against this scene file (default: the scene in plan.json)"
     parser.add_argument("--scene", type=Path, metavar="SCENE", help=words)
@@ -79,6 +82,8 @@ def run(arguments: argparse.Namespace) -> int:
         if getattr(arguments, name):
             option = f"--{name.replace('_', '-')}"
             raise WrongUsage(f"{option} is for a TABLE.csv; a saved plan has its own")
+    if (arguments.motion / CYCLE).is_file():
+        return _cycle(arguments)
     if arguments.other:
         installed("mujoco", "mujoco")
     saved = load_plan(arguments.motion)
@@ -109,6 +114,29 @@ def run(arguments: argparse.Namespace) -> int:
         say(f"deltaopt: {difference}")
     if replay is not None and found.judges_arrival and not replay.converges:
         code = say_failures(["in MuJoCo the torques do not lead to the goal"])
+    return max(code, bool(differences))
+
+
+def _cycle(arguments: argparse.Namespace) -> int:
+    """Verify a saved cycle: its legs, that they join, its RMS torques, and its files."""
+    if arguments.scene or arguments.other:
+        raise WrongUsage("--scene and --with are for a plan, as each leg of a cycle is one")
+    legs = load_legs(arguments.motion)
+    found, differences = verified_again(arguments.motion, legs)
+    for (folder, saved, _), leg in zip(legs, found.legs, strict=True):
+        differences += _differences(folder, saved, leg.ok)
+    torques = {"rms_torque": found.rms_torque, "rms_limits": found.rms_limits}
+    if arguments.json:
+        judged = {"ok": found.ok and not differences, "failures": found.failures()}
+        told = {"cycle": str(arguments.motion), **judged, "period": found.period, **torques}
+        print_json({**told, "differences": differences})
+    else:
+        print(f"{len(legs)} legs, a period of {found.period:.6g} s")
+        for name, each in torques.items():
+            print(f"  {name}: {'none' if each is None else f'{in_words(each)} N·m'}")
+    code = say_failures(found.failures())
+    for difference in differences:
+        say(f"deltaopt: {difference}")
     return max(code, bool(differences))
 
 

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from deltaopt.errors import shown
 from deltaopt.files.csv_table import write_csv
-from deltaopt.motion.motion_sequence import waiting
+from deltaopt.files.validated_record import vector3
+from deltaopt.motion.motion_sequence import MotionSequence, waiting
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.facts import above_nominal
 from deltaopt.output.in_words import duty_table, percent
-from deltaopt.output.plan_files import COLUMNS, FORMAT, instants, rows_at, versions
-from deltaopt.output.saved_plan import SavedPlan, UnreadablePlan, load_plan, read_record
+from deltaopt.output.plan_files import COLUMNS, FORMAT, TABLE, instants, rows_at, versions
+from deltaopt.output.saved_plan import (
+    SavedPlan,
+    UnreadablePlan,
+    load_plan,
+    read_record,
+    table_difference,
+)
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
-from deltaopt.scene.moving_ends import Belt
+from deltaopt.scene.moving_ends import Belt, End, State
 from deltaopt.verify.cycle import CycleVerification, verify_cycle
 
 RECORD = "cycle.json"
@@ -24,6 +32,8 @@ RECORD = "cycle.json"
 CYCLE_COLUMNS = (*COLUMNS, "leg", "payload")
 """Of the table of a cycle: beside those of a plan which leg it is, from 1 on, its dwell included,
 and the payload, kg."""
+Leg = tuple[Path, SavedPlan, Trajectory | None]
+"""Of a saved cycle: its folder, its plan, and the wait after it, None without."""
 _JOINED = 1e-6
 """Angle, rad, also in the duration of a motion, by which motions that follow each other may be
 apart: legs are planned to less, and encoders do not see it."""
@@ -64,21 +74,21 @@ def content_of_cycle(plan: CyclePlan, verification: CycleVerification) -> dict[s
     }
 
 
-def load_legs(path: Path) -> list[tuple[Path, SavedPlan, Trajectory | None]]:
+def load_legs(path: Path) -> list[Leg]:
     """The legs of a saved cycle: the folder of each, its plan and the wait after it, None without.
     A plan of a single motion is one leg. Raises UnreadablePlan, also where the legs are not those
     that the record times, or where one does not go on from the one before."""
     file = path / RECORD
     if not file.is_file():
         return [(path, load_plan(path), None)]
-    legs = list[tuple[Path, SavedPlan, Trajectory | None]]()
+    legs = list[Leg]()
     record, begins = read_record(file), 0.0
     try:
         for each in record["legs"]:
             folder, dwell = path / each["folder"], float(each["dwell"])
             plan = load_plan(folder)
             state = plan.trajectory.position.with_rate_at(plan.trajectory.knots[-1:])
-            (at,), (velocity,) = (column.tolist() for column in state)
+            at, velocity = (vector3(*column) for column in state)
             wait = waiting(plan.trajectory.model, at, velocity, dwell) if dwell > 0 else None
             legs.append((folder, plan, wait))
             _require(each["folder"], "begins", float(each["begins"]), begins)
@@ -91,6 +101,40 @@ def load_legs(path: Path) -> list[tuple[Path, SavedPlan, Trajectory | None]]:
     return legs
 
 
+def verified_again(path: Path, legs: Sequence[Leg]) -> tuple[CycleVerification, list[str]]:
+    """The measures of a saved cycle, against the RMS torques that its record allows, and what in
+    the record and in its table is not so in its motions. Raises UnreadablePlan."""
+    record, waits = read_record(path / RECORD), [wait for _, _, wait in legs]
+    parts, goals, begins = list[Trajectory](), list[End](), 0.0
+    for _, plan, wait in legs:
+        goal = plan.scene.goal
+        if isinstance(goal, Belt):
+            goal = goal.after(-begins)
+        elif isinstance(goal, State) and wait is not None:  # onto the belt of the first leg
+            goal = Belt(at=goal.at, belt=goal.velocity).after(wait.duration)
+        goals.append(goal)
+        parts += [plan.trajectory] if wait is None else [plan.trajectory, wait]
+        begins = sum(part.duration for part in parts)
+    pairs = [(plan.scene, plan.trajectory) for _, plan, _ in legs]
+    try:
+        limits = None if record["rms_limits"] is None else vector3(record["rms_limits"])
+        found = verify_cycle(pairs, waits, goals, limits, None)
+        told, now = record["rms_torque"], found.rms_torque
+        same = (told is None) == (now is None) and np.allclose(told or 0.0, now or 0.0, rtol=1e-9)
+        judged = record["verification"]["ok"]
+    except (KeyError, TypeError, ValueError) as error:
+        raise UnreadablePlan(f"{path / RECORD}: it cannot be used: {error}") from None
+    off = table_difference(path / TABLE, MotionSequence(tuple(parts)))
+    sentences = [f"{path / TABLE}: {off}"] if off else []
+    if not same:
+        by_it = f"RMS torques are {shown(told)} N·m by it"
+        sentences.append(f"{path / RECORD}: {by_it}, and {shown(now)} by its motions")
+    if judged is not found.ok:
+        says = f"it says that ok is {shown(judged)}, and verification now {found.ok}"
+        sentences.append(f"{path / RECORD}: {says}")
+    return found, sentences
+
+
 def _require(what: str, does: str, told: float, found: float) -> None:
     """Raise ValueError where a time of the record, s, is not that of the motions and dwells."""
     if not abs(told - found) <= 1e-9 * max(told, found):
@@ -98,7 +142,7 @@ def _require(what: str, does: str, told: float, found: float) -> None:
         raise ValueError(f"{what} {does} {told:.9g} s by the record, and {by_motions}")
 
 
-def _require_joined(legs: list[tuple[Path, SavedPlan, Trajectory | None]]) -> None:
+def _require_joined(legs: list[Leg]) -> None:
     """Raise ValueError unless all legs are of one robot, whatever its tool, and each motion begins
     with the angles and speeds with which the one before it ends."""
     bare = [plan.scene.robot.model_copy(update={"tool": None}) for _, plan, _ in legs]

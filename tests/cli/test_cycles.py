@@ -87,7 +87,8 @@ def test_a_new_cell_is_planned(tmp_path, capsys, drawn):
         assert np.linalg.norm(path - text.xy, axis=1).min() < 1e-9
     highest = max(line.get_ydata().max() for line in torques.get_lines())
     assert min(number.xy[1] for number in numbers_of(torques)) > highest
-    assert main(["verify", str(out)]) == 2
+    assert main(["verify", str(out)]) == 0  # with a belt
+    assert main(["export", "c", str(out), "-o", str(out / "c")]) == 2
     assert "whose legs are plans: leg_1, leg_2, leg_3, leg_4" in capsys.readouterr().err
     assert main(["verify", str(out / "leg_2")]) == 0
 
@@ -312,3 +313,50 @@ def test_legs_of_other_robots_are_refused(there_and_back, tmp_path, capsys):
     (folder / "leg_2" / "plan.json").write_text(json.dumps(plan))
     assert main(["export", "table", str(folder), "-o", str(tmp_path / "table.csv")]) == 2
     assert "leg_2 is of another robot than leg_1" in capsys.readouterr().err
+
+
+def test_a_saved_cycle_is_verified_again(there_and_back, capsys):
+    """RMS torques by the trapezoidal rule on trajectory.csv, which cuts the corners of jumps."""
+    assert main(["verify", str(there_and_back), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["ok"], told["failures"], told["differences"]) == (True, [], [])
+    rows = read_csv(there_and_back / "trajectory.csv").columns(["t", "tau1", "tau2", "tau3"])
+    t, squares = rows[:, 0], rows[:, 1:] ** 2
+    mean = np.diff(t) @ (squares[1:] + squares[:-1]) / 2 / t[-1]
+    assert told["rms_torque"] == pytest.approx(np.sqrt(mean), rel=5e-3)
+    assert told["period"] == pytest.approx(t[-1])
+
+
+def lower_limits(record):
+    record["rms_limits"] = [22.0, 22.0, 21.0]
+
+
+def cooler(record):
+    record["rms_torque"][1] *= 0.9
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lower_limits, "verification failed: the RMS torque of motor 3 is 21.9[0-9]+ N·m, and may"),
+        (lower_limits, "cycle.json: it says that ok is True, and verification now False"),
+        (cooler, "cycle.json: RMS torques are .* by it, and .* by its motions"),
+        (dict.clear, "cycle.json: it has no format; this version of deltaopt reads format 1"),
+    ],
+)
+def test_what_is_wrong_with_a_saved_cycle_is_told(there_and_back, tmp_path, capsys, change, told):
+    folder = edited(there_and_back, tmp_path / "out", change)
+    assert main(["verify", str(folder)]) == (2 if change is dict.clear else 1)
+    assert re.search(told, capsys.readouterr().err)
+
+
+@pytest.mark.parametrize("name", ["trajectory.csv", "leg_2/trajectory.csv"])
+def test_tables_of_a_saved_cycle_are_those_of_its_motions(there_and_back, tmp_path, capsys, name):
+    shutil.copytree(there_and_back, tmp_path / "out")
+    file = tmp_path / "out" / name
+    lines = file.read_text().splitlines()
+    t, x, *others = lines[-3].split(",")
+    row = ",".join([t, str(1.001 * float(x)), *others])
+    file.write_text("\n".join([*lines[:-3], row, *lines[-2:], ""]))
+    assert main(["verify", str(tmp_path / "out")]) == 1
+    assert f"{file}: x is " in capsys.readouterr().err
