@@ -306,6 +306,19 @@ def test_times_of_a_record_that_its_legs_do_not_take_are_refused(
     assert said.count("\n") == 1
 
 
+def test_a_leg_that_begins_at_another_speed_is_refused(there_and_back, tmp_path, capsys):
+    """At 0.1 m/s along x: motors of equal arms turn about as fast as that over an arm's length."""
+    folder = edited(there_and_back, tmp_path / "out", lambda record: None)
+    plan = json.loads((folder / "leg_2" / "plan.json").read_text())
+    plan["motion"]["position"][0][1][0] += 0.1
+    (folder / "leg_2" / "plan.json").write_text(json.dumps(plan))
+    assert main(["export", "table", str(folder), "-o", str(tmp_path / "table.csv")]) == 2
+    told = r"leg_2 begins \S+ rad and (\S+) rad/s off the wait after leg_1's end"
+    length = plan["scene"]["robot"]["upper_arm"]["length"]
+    speed = float(re.search(told, capsys.readouterr().err)[1])
+    assert 0.5 < speed * length / 0.1 < 2
+
+
 def test_legs_of_other_robots_are_refused(there_and_back, tmp_path, capsys):
     folder = edited(there_and_back, tmp_path / "out", lambda record: None)
     plan = json.loads((folder / "leg_2" / "plan.json").read_text())
