@@ -49,7 +49,7 @@ from deltaopt.output.joint_table import (
     checked_table,
     table_within_limits,
 )
-from deltaopt.output.saved_plan import SavedPlan, load_plan
+from deltaopt.output.saved_plan import SavedPlan, load_plan, record_differences
 from deltaopt.output.table_files import (
     UNITS,
     of_controller,
@@ -302,10 +302,11 @@ def _verified(
     """The motion of a saved plan so many times as slow as is asked for, and what is wrong with it:
     of what slowing cures only with --anyway. Raises BeyondLimits."""
     found = verify(plan.scene, plan.trajectory)
-    remarks, slower, needed = found.failures(), arguments.slower, 0.0
+    edited = record_differences(plan, found.ok)
+    remarks, slower, needed = [*found.failures(), *edited], arguments.slower, 0.0
     if remarks:
         beyond = {check.measure for check in found.checks() if not check.ok}
-        cured = found.safe_duration if beyond <= set(found.excesses) else None
+        cured = found.safe_duration if beyond <= set(found.excesses) and not edited else None
         needed = (cured or inf) / plan.duration
     if needed > slower and not arguments.anyway:
         if not _may_slow(plan, arguments, needed / slower - 1):

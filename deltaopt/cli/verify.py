@@ -2,7 +2,8 @@
 
 PLAN is a folder that "deltaopt plan" wrote, or its plan.json: the motion is verified as when it was
 planned, or with --scene against a scene file. What plan.json says, and in a folder trajectory.csv,
-must be as they were written and as the motion is.
+must be as they were written and as the motion is. Of a cycle's folder all legs are verified, that
+they follow one another, and the RMS torques.
 
 TABLE.csv has a header with t (s) and theta1, theta2, theta3 (rad, or --unit deg) or x, y, z (m), at
 any rate, with rates (dtheta1, vx) and accelerations (ddtheta1, ax) if they are known; names that
@@ -13,8 +14,8 @@ file is needed, only a robot.
 With --with mujoco a plan's torques, and nothing else, drive the robot in MuJoCo, for ever shorter
 steps: where do they lead, and does that converge to the goal?
 
-Exit code: 0 it keeps every limit, and a plan arrives (in MuJoCo too) and its files agree; 1 not so;
-2 bad input.
+Exit code: 0 it keeps every limit, and a plan arrives (in MuJoCo too) and its files agree, and the
+speeds of a table are those of its angles or positions; 1 not so; 2 bad input.
 """
 
 from __future__ import annotations
@@ -27,7 +28,9 @@ import numpy as np
 
 from deltaopt.cli.arguments import WrongUsage, add_flag, add_json, kilograms
 from deltaopt.cli.streams import print_json, say, say_failures
-from deltaopt.errors import DeltaOptError, Singular, Unreachable, installed
+from deltaopt.errors import DeltaOptError, Singular, Unreachable, in_words, installed
+from deltaopt.output.cycle_files import RECORD as CYCLE
+from deltaopt.output.cycle_files import load_legs, verified_again
 from deltaopt.output.foreign_table import ANGLES, ForeignTable, UnreadableTable, read_foreign_table
 from deltaopt.output.in_words import duty_table, singularities_table, table
 from deltaopt.output.mujoco_replay import MujocoReplay, replay_in_mujoco
@@ -49,7 +52,7 @@ class NotMeasured(DeltaOptError):
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    words = "folder of a plan, or a table"
+    words = "folder of a plan or of a cycle, or a table"
     parser.add_argument("motion", type=Path, metavar="PLAN|TABLE.csv", help=words)
     words = "hold a plan against this scene file (default: the scene in plan.json)"
     parser.add_argument("--scene", type=Path, metavar="SCENE", help=words)
@@ -79,6 +82,8 @@ def run(arguments: argparse.Namespace) -> int:
         if getattr(arguments, name):
             option = f"--{name.replace('_', '-')}"
             raise WrongUsage(f"{option} is for a TABLE.csv; a saved plan has its own")
+    if (arguments.motion / CYCLE).is_file():
+        return _cycle(arguments)
     if arguments.other:
         installed("mujoco", "mujoco")
     saved = load_plan(arguments.motion)
@@ -109,6 +114,29 @@ def run(arguments: argparse.Namespace) -> int:
         say(f"deltaopt: {difference}")
     if replay is not None and found.judges_arrival and not replay.converges:
         code = say_failures(["in MuJoCo the torques do not lead to the goal"])
+    return max(code, bool(differences))
+
+
+def _cycle(arguments: argparse.Namespace) -> int:
+    """Verify a saved cycle: its legs, that they join, its RMS torques, and its files."""
+    if arguments.scene or arguments.other:
+        raise WrongUsage("--scene and --with are for a plan, as each leg of a cycle is one")
+    legs = load_legs(arguments.motion)
+    found, differences = verified_again(arguments.motion, legs)
+    for (folder, saved, _), leg in zip(legs, found.legs, strict=True):
+        differences += _differences(folder, saved, leg.ok)
+    torques = {"rms_torque": found.rms_torque, "rms_limits": found.rms_limits}
+    if arguments.json:
+        judged = {"ok": found.ok and not differences, "failures": found.failures()}
+        told = {"cycle": str(arguments.motion), **judged, "period": found.period, **torques}
+        print_json({**told, "differences": differences})
+    else:
+        print(f"{len(legs)} legs, a period of {found.period:.6g} s")
+        for name, each in torques.items():
+            print(f"  {name}: {'none' if each is None else f'{in_words(each)} N·m'}")
+    code = say_failures(found.failures())
+    for difference in differences:
+        say(f"deltaopt: {difference}")
     return max(code, bool(differences))
 
 
@@ -145,6 +173,10 @@ def _measure(arguments: argparse.Namespace) -> int:
         raise WrongUsage("a TABLE.csv needs the robot it is for: --robot ROBOT")
     robot = load_robot(arguments.robot)
     rows = _rows(arguments, robot.joints or Joints())
+    contradiction = rows.contradiction()
+    doubts = [*filter(None, (contradiction, rows.missing_rows()))]
+    for doubt in doubts:
+        say(f"{arguments.motion}: {doubt}")
     try:
         trajectory = rows.trajectory(delta_model(robot, arguments.payload))
         ends = trajectory.path_inside([0.0, 1.0])[0]
@@ -154,16 +186,20 @@ def _measure(arguments: argparse.Namespace) -> int:
     away = ends[np.linalg.norm(ends - ends[0], axis=1).argmax()]
     if not (away != ends[0]).any():
         raise UnreadableTable(f"{arguments.motion}: nothing moves in it")
+    if cut := rows.cut_off():
+        say(f"{arguments.motion}: {cut}")
+        doubts.append(cut)
     scene = Scene(robot=robot, payload=arguments.payload, start=tuple(ends[0]), goal=tuple(away))
     motion = MeasuredMotion(scene, trajectory)
     excesses = list(motion.excesses().values())
     what = "motor angles" if rows.quantity == ANGLES else "positions"
-    ok = all(excess.value <= EXCESS for excess in excesses)
+    ok = contradiction is None and all(excess.value <= EXCESS for excess in excesses)
     if arguments.json:
         print_json(
             {
                 "table": str(arguments.motion),
                 "ok": ok,
+                "doubts": doubts,
                 "duration": trajectory.duration,
                 "rows": len(rows.t),
                 "interpolation": rows.interpolation,
@@ -206,8 +242,6 @@ def _rows(arguments: argparse.Namespace, joints: Joints) -> ForeignTable:
     if problem := found.implausible():
         expected = "--unit deg is for degrees" if rows.quantity == ANGLES else "are they in mm?"
         raise UnreadableTable(f"{arguments.motion}, {problem}; {expected}")
-    for doubt in filter(None, (found.contradiction(), found.missing_rows())):
-        say(f"{arguments.motion}: {doubt}")
     return found
 
 

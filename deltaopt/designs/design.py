@@ -8,6 +8,7 @@ without: a local optimum, for durations are no convex functions of them.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
@@ -28,8 +29,11 @@ TOLERANCE = 1e-5
 """Of the plans: their switches are resolved as a rule, so that durations are smooth functions."""
 _DONE = 1e-7
 """Share of the value by which a step of the optimiser may still change it when it ends."""
-_NEAR = 1e-4
-"""Share of the bounds by which the optimiser without derivatives still moves when it ends."""
+_RADII = {"initial_tr_radius": 0.1, "final_tr_radius": 1e-4}
+"""Shares of the bounds by which the optimiser without derivatives moves at first, and still when it
+ends. By its own first radius, from the middle to the bounds, it ran into what keeps no limit."""
+_BEGINNINGS = 16
+"""Designs of which the first one with a plan begins the search."""
 _NEVER = 1e6
 """The duration of a design without a plan, s: no optimiser stays there."""
 
@@ -91,7 +95,7 @@ def design(
         tell(f"{choice.name}: {'no plan' if best is None else f'{best.value:.6g}'}")
         found += [] if best is None else [best]
     if not found:
-        raise Infeasible("no design keeps all limits")
+        raise Infeasible(f"none of {evaluations} designs that were planned keeps all limits")
     least = min(found, key=lambda each: each.value)
     return Designed(given, least, tuple(found), evaluations, passed_over)
 
@@ -112,6 +116,16 @@ def _shortest(job: Any) -> float:
     return lower_bound(job)
 
 
+def _spread(k: int) -> Iterator[Array]:
+    """Shares of the bounds where a search may begin, (k,) each: the middle, and others that are
+    spread evenly, by powers of a number like the golden ratio."""
+    ratio = 1.0
+    for _ in range(50):
+        ratio = (1 + ratio) ** (1 / (k + 1))
+    steps = ratio ** -np.arange(1.0, k + 1)
+    yield from ((0.5 + number * steps) % 1 for number in range(_BEGINNINGS if k else 1))
+
+
 @dataclass
 class _Search:
     """The search for the best design with some rows. ``known``: by the shares of the bounds of what
@@ -125,24 +139,28 @@ class _Search:
 
     def best(self) -> Candidate | None:
         """The best one; None where none was found."""
-        asked, middle = self.given.asked, np.full(len(self.given.asked.change), 0.5)
-        first = self._at(middle)[0]
-        if len(middle) and max(first.durations) < _NEVER:
-            self._minimise(middle, first)
-        longest = (1 + self.tolerance) * (asked.longest or _NEVER / 2)
+        asked = self.given.asked
+        for shares in _spread(len(asked.change)):
+            first = self._at(shares)[0]
+            if max(first.durations) < _NEVER:
+                if len(shares):
+                    self._minimise(shares, first)
+                break
+        longest = asked.longest or _NEVER / 2
         possible = [each for each, _ in self.known.values() if max(each.durations) <= longest]
         return min(possible, key=lambda each: each.value, default=None)
 
-    def _minimise(self, middle: Array, first: Candidate) -> None:
+    def _minimise(self, shares: Array, first: Candidate) -> None:
         """Let scipy look for the best one.
 
         Beside the shares its unknowns are the times that scenes may take, one for each or for the
         worst, over the longest at ``first``: the value is linear in all of them, and that no scene
         takes longer is a constraint.
         """
-        asked, k, seconds = self.given.asked, len(middle), np.array(first.durations)
+        asked, k, seconds = self.given.asked, len(shares), np.array(first.durations)
         times = np.ones((len(seconds), 1)) if asked.over == "worst" else np.eye(len(seconds))
-        unit, most = seconds.max(), (asked.longest or _NEVER) / seconds.max()
+        unit = seconds.max()
+        most = (asked.longest or _NEVER) / (1 + self.tolerance) / unit  # to which it is known
         prices = np.array([each.price * (each.most - each.least) for each in asked.change])
         costs = np.append(prices, asked.per_second * unit * np.ones(times.shape[1])) / first.value
         optimize = installed("scipy.optimize", "design")
@@ -154,12 +172,12 @@ class _Search:
         )
         optimize.minimize(
             lambda y: costs @ y,
-            np.append(middle, (times.T * seconds).max(axis=1) / unit),
+            np.append(shares, (times.T * seconds).max(axis=1) / unit),
             jac=(lambda y: costs) if self.derivatives else None,
             method="SLSQP" if self.derivatives else "COBYQA",
             bounds=[(0, 1)] * k + [(0, most)] * times.shape[1],
             constraints=kept,
-            options={"ftol": _DONE} if self.derivatives else {"final_tr_radius": _NEAR},
+            options={"ftol": _DONE} if self.derivatives else _RADII,
         )
 
     def _at(self, shares: Array) -> tuple[Candidate, list[Any]]:

@@ -10,9 +10,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from deltaopt.errors import SceneError
+from deltaopt.errors import SceneError, shown
 from deltaopt.files.csv_table import WrongCsv, read_csv
-from deltaopt.files.units import DURATION
+from deltaopt.files.units import DURATION, begins_with_number
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Text, optional
 from deltaopt.files.yaml_file import placed_in, read_yaml
 from deltaopt.scene.scene_file import load_job
@@ -135,9 +135,8 @@ def load_design(path: str | Path) -> Design:
 
 
 def _rows(file: Path, index: int, asked: Catalogue) -> tuple[Choice, ...]:
-    """The rows of a catalogue; a cell without a number says nothing of its key. Raises
-    SceneError."""
-    columns = {key: (head.lower(), _unit(head)) for key, head in asked.columns.items()}
+    """The rows of a catalogue. Raises SceneError, also where a cell in a column that is used has no
+    number: the row would be ranked with the number of another motor."""
     name, price = asked.name.lower(), [asked.price.lower()] if asked.price else []
     try:
         table = read_csv(file.parent / asked.file)
@@ -145,16 +144,22 @@ def _rows(file: Path, index: int, asked: Catalogue) -> tuple[Choice, ...]:
             if head.lower() not in table.names:
                 raise WrongCsv(f"has no column {head}")
         prices = asked.number * table.columns(price).sum(axis=1)
+        rows = [dict(zip(table.names, cells, strict=True)) for cells in table.rows]
+        for head in asked.columns.values():
+            cells = [(row[head.lower()], line) for row, line in zip(rows, table.lines, strict=True)]
+            wrong = [f"{shown(x)} in line {line}" for x, line in cells if not begins_with_number(x)]
+            if wrong:
+                raise WrongCsv(f"has no number in column {head}, but {', '.join(wrong)}")
     except WrongCsv as error:
-        key, expected = f"catalogues[{index}].file", "a CSV file with the columns that are named"
+        key = f"catalogues[{index}].file"
+        expected = "a CSV file with numbers in the columns that are named"
         with placed_in(file):
-            raise SceneError(None, key, asked.file, expected, str(error)) from None
+            raise SceneError(None, key, asked.file, expected, f"{asked.file} {error}") from None
+    units = {key: (head.lower(), _unit(head)) for key, head in asked.columns.items()}
     found = list[Choice]()
-    for cells, cost in zip(table.rows, prices.tolist(), strict=True):
-        row = dict(zip(table.names, cells, strict=True))
-        values = {key: f"{row[head]} {unit}".strip() for key, (head, unit) in columns.items()}
-        known = {key: value for key, value in values.items() if value[:1].isdigit()}
-        found.append(Choice(row[name], cost, known))
+    for row, cost in zip(rows, prices.tolist(), strict=True):
+        values = {key: f"{row[head]} {unit}".strip() for key, (head, unit) in units.items()}
+        found.append(Choice(row[name], cost, values))
     return tuple(found)
 
 

@@ -93,8 +93,7 @@ class Quantity:
         return ""
 
     def _number(self, text: str) -> float | str:
-        plain = " ".join(text.replace("\N{MINUS SIGN}", "-").split())
-        found = _NUMBER.fullmatch(plain) if len(plain) <= _LONGEST else None
+        found = _read(text)
         if found is None:
             return text
         number, unit = Decimal(found[1]), found[2].strip()
@@ -105,6 +104,17 @@ class Quantity:
             expected = self.unit or "a number without unit"
             raise Misread(text, f"cannot be converted to {expected}")
         return float(number * factor)
+
+
+def _read(text: str) -> re.Match[str] | None:
+    """The number that a text begins with, and what follows it."""
+    plain = " ".join(text.replace("\N{MINUS SIGN}", "-").split())
+    return _NUMBER.fullmatch(plain) if len(plain) <= _LONGEST else None
+
+
+def begins_with_number(text: str) -> bool:
+    """Whether a text is read as a number with a unit or without one."""
+    return _read(text) is not None
 
 
 def percentage(value: object) -> float | None:

@@ -43,6 +43,8 @@ _JUDGED, _LITTLE = 2000, 1e-2
 which a way may be noise."""
 _EQUAL = 0.9
 """Share of equal steps from which others stand out."""
+_RESTS = 1e-2
+"""Share of the mean speed below which a table rests at an end: noise of what was measured."""
 _SPLIT = 4
 """Parts of a piece of motor angles, each of which a quintic piece of the position follows: with so
 many they differ by less than 1e-9 of what a millisecond's piece moves."""
@@ -106,6 +108,16 @@ class ForeignTable:
         row = int((times > 1).argmax())
         lines = f"from line {self.lines[row]} to line {self.lines[row + 1]}"
         return f"{lines} it is {steps[row]:.6g} s, elsewhere {usual:.6g} s; are rows missing?"
+
+    def cut_off(self) -> str | None:
+        """In words at which ends a table with speeds is in motion; None where it rests at both."""
+        if self.rates is None:  # the spline rests
+            return None
+        unit = "rad/s" if self.quantity == ANGLES else "m/s"
+        mean = np.abs(self.values - self.values[0]).max() / (self.t[-1] - self.t[0])
+        ends = zip(("begins", "ends"), np.abs(self.rates[[0, -1]]).max(axis=1), strict=True)
+        told = [f"{end} at {speed:.3g} {unit}" for end, speed in ends if speed > _RESTS * mean]
+        return f"it {' and '.join(told)}; is it cut off, or meets it a belt?" if told else None
 
     @property
     def interpolation(self) -> str:

@@ -137,7 +137,7 @@ def schema() -> str:
     return (files("deltaopt.output") / "plan.schema.json").read_text(encoding="utf-8")
 
 
-def highest_rate(trajectory: Trajectory) -> float:
+def highest_rate(trajectory: Trajectory | MotionSequence) -> float:
     """The rate (Hz) at which the motion fills ``MOST_ROWS`` rows."""
     return (MOST_ROWS - 1) / trajectory.duration
 

@@ -14,6 +14,7 @@ from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import SceneError, Unusable, on_one_line, shown
 from deltaopt.files.csv_table import WrongCsv, read_csv
 from deltaopt.files.regular_file import content_of
+from deltaopt.motion.motion_sequence import MotionSequence
 from deltaopt.motion.trajectory import Trajectory, moving_on
 from deltaopt.output.plan_files import (
     COLUMNS,
@@ -144,7 +145,7 @@ def record_differences(saved: SavedPlan, ok: bool | None) -> list[str]:
     return sentences
 
 
-def table_difference(file: Path, trajectory: Trajectory) -> str | None:
+def table_difference(file: Path, trajectory: Trajectory | MotionSequence) -> str | None:
     """Where a trajectory.csv, at whatever rate, is not a motion's: a sentence; None if it is."""
     try:
         table = read_csv(file)

@@ -88,8 +88,12 @@ def made_of(content: Mapping[str, object], file: Path) -> Scene | Cycle:
 
     Raises SceneError, naming file and key, if it cannot be used.
     """
+    given = content.get("robot")
+    if not isinstance(given, Mapping):
+        expected = "keys of a robot; a sweep names files of robots under robot, beside grid"
+        raise SceneError(file, "robot", given, expected)
     with inside(file=file, key="robot"):
-        robot = Robot.model_validate(content.get("robot"))
+        robot = Robot.model_validate(given)
     return (_cycle if "cycle" in content else _single)(file, {**content, "robot": robot})
 
 

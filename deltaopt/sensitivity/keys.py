@@ -72,6 +72,8 @@ def _change(content: Content, key: str, how: Callable[[Any, Any], Any], by: Any)
         node = node.setdefault(place, {}) if isinstance(node, dict) else node[place]
     place = _place_in(node, last, key)
     old = node.get(place) if isinstance(node, dict) else node[place]
+    if how in _HOW.values() and np.ndim(by):  # several numbers from one, such as a range of payload
+        raise SceneError(None, key, by, "one number, by which all of it is changed")
     try:
         node[place] = how(in_si(key, old), by)
     except TypeError:

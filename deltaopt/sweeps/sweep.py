@@ -17,7 +17,7 @@ from deltaopt.files.atomic_write import atomic_write, require_replaceable
 from deltaopt.files.csv_table import csv_text
 from deltaopt.files.output_folder import locked, require_writable
 from deltaopt.files.progress_bar import Progress
-from deltaopt.sweeps.points import SweepPoints
+from deltaopt.sweeps.points import FACTS, SweepPoints
 from deltaopt.sweeps.run import Row, Start, Workers, processes, rows
 from deltaopt.sweeps.sweep_file import Sweep, load_sweep
 
@@ -73,11 +73,12 @@ def fill(file: Path, points: SweepPoints, start: Start, progress: Progress | Non
     if file.suffix == PARQUET:
         installed("pyarrow", "parquet")  # before any work
     with _table(_csv_of(file), points.columns) as (there, add):
-        same = sum(there.get(task.index) == task.head["inputs"] for task in points if there)
+        heads = ((task.index, _told(task.head)) for task in points if there)
+        same = sum(there.get(index, {}).items() >= head.items() for index, head in heads)
         if same < len(there):
             raise OtherTable(
                 f"{_csv_of(file)}: {len(there) - same} of its {len(there)} rows are of other "
-                f"points than this sweep has now, or of files that have changed; {ELSEWHERE}"
+                f"points than this sweep has, or were edited, or files have changed; {ELSEWHERE}"
             )
         missing, begun = len(points) - len(there), monotonic()
         left = (task for task in points if task.index not in there)
@@ -110,9 +111,9 @@ def _csv_of(file: Path) -> Path:
 @contextmanager
 def _table(
     file: Path, columns: Sequence[str]
-) -> Iterator[tuple[dict[int, str], Callable[[Row], None]]]:
-    """The table of a file, made if need be, for one process at a time: the hash of the inputs of
-    each point that has a row, by its number, and a function that adds a row.
+) -> Iterator[tuple[dict[int, dict[str, str]], Callable[[Row], None]]]:
+    """The table of a file, made if need be, for one process at a time: the entries of each row, but
+    for the facts, by the number of its point, and a function that adds a row.
 
     Rows are added whole: what a process that was killed left half written is not there any more.
     Raises OtherTable for the table of another sweep, and OSError.
@@ -133,9 +134,8 @@ def _table(
         rows = csv.DictWriter(out, columns, lineterminator="\n")
 
         def add(row: Row) -> None:
-            told = {k: on_one_line(v) if isinstance(v, str) else v for k, v in row.items()}
             try:
-                rows.writerow(told)
+                rows.writerow(_told(row))
                 out.flush()
             except OSError as error:  # which names no file where a disk is full
                 with suppress(OSError):
@@ -145,4 +145,11 @@ def _table(
         if not content.startswith(header):
             rows.writeheader()
         lines = csv.DictReader(StringIO(whole.decode()))
-        yield {int(line["point"]): line["inputs"] for line in lines}, add
+        heads = ({k: v for k, v in line.items() if k not in FACTS} for line in lines)
+        yield {int(head["point"]): head for head in heads}, add
+
+
+def _told(row: Row) -> dict[str, str]:
+    """The entries of a row as they are in the file."""
+    words = {k: "" if v is None else str(v) for k, v in row.items()}
+    return {k: on_one_line(v) for k, v in words.items()}

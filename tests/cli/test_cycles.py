@@ -87,7 +87,8 @@ def test_a_new_cell_is_planned(tmp_path, capsys, drawn):
         assert np.linalg.norm(path - text.xy, axis=1).min() < 1e-9
     highest = max(line.get_ydata().max() for line in torques.get_lines())
     assert min(number.xy[1] for number in numbers_of(torques)) > highest
-    assert main(["verify", str(out)]) == 2
+    assert main(["verify", str(out)]) == 0  # with a belt
+    assert main(["export", "c", str(out), "-o", str(out / "c")]) == 2
     assert "whose legs are plans: leg_1, leg_2, leg_3, leg_4" in capsys.readouterr().err
     assert main(["verify", str(out / "leg_2")]) == 0
 
@@ -202,6 +203,19 @@ def test_a_table_at_equal_steps_has_a_row_at_each(there_and_back, controller, tm
     assert main(["verify", str(file), "--robot", robot, "--controller", controller]) == 0
 
 
+def test_of_a_given_period_nothing_is_saved(planned, tmp_path, capsys):
+    """By more RMS torque, also where that is used up."""
+    period = 1.001 * planned[1]["period"]
+    file = tmp_path / "cycle.yaml"
+    file.write_text(f"{TEXT}\nperiod: {period}\n")
+    assert max(planned[1]["saved_by_rms_torque"]) > 0
+    assert main(["plan", str(file), "--details", "--no-plot", "-o", str(tmp_path / "out")]) == 0
+    told = capsys.readouterr().out
+    assert "at most 22, 22, 22 are allowed" in told
+    assert max(json.loads((tmp_path / "out/cycle.json").read_text())["saved_by_rms_torque"]) > 0
+    assert "would save" not in told
+
+
 def test_of_a_cycle_that_cannot_be_written_no_leg_is(tmp_path, capsys):
     (tmp_path / "cycle.json").mkdir()
     assert main(["plan", str(CYCLE), "--no-plot", "-o", str(tmp_path)]) == 2
@@ -244,3 +258,118 @@ def test_a_table_has_the_whole_cycle(there_and_back, tmp_path, capsys):
     (tmp_path / "out" / "cycle.json").write_text("[]")
     assert main(given) == 2
     assert "it is no record of a plan" in capsys.readouterr().err
+
+
+def edited(there_and_back, folder, change):
+    """A copy of the planned cycle whose record has another number, at the same times."""
+    shutil.copytree(there_and_back, folder)
+    record = json.loads((folder / "cycle.json").read_text())
+    change(record)
+    (folder / "cycle.json").write_text(json.dumps(record))
+    return folder
+
+
+@pytest.mark.parametrize("target", ["table", "ros2", "cam"])
+def test_legs_that_do_not_join_are_refused(there_and_back, tmp_path, capsys, target):
+    """The way there twice, with times that add up: it jumps back by what trajectory.csv says."""
+
+    def twice(record):
+        there, back = record["legs"]
+        record["period"] -= back["duration"] - there["duration"]
+        there["folder"] = back["folder"] = "leg_1"
+        back["duration"] = there["duration"]
+
+    folder = edited(there_and_back, tmp_path / "out", twice)
+    angles = [f"theta{k}" for k in (1, 2, 3)]
+    way = np.diff(read_csv(folder / "leg_1" / "trajectory.csv").columns(angles)[[0, -1]], axis=0)
+    words = ["export", target, str(folder), "-o", str(tmp_path / "written")]
+    assert main(words) == 2
+    said = capsys.readouterr().err
+    told = rf"leg_1 begins {np.abs(way).max():.3g} rad and \S+ rad/s off the wait after leg_1's end"
+    assert re.search(told, said)
+    assert said.count("\n") == 1
+    assert not (tmp_path / "written").exists()
+
+
+@pytest.mark.parametrize("key", ["begins", "duration", "dwell", "period"])
+def test_times_of_a_record_that_its_legs_do_not_take_are_refused(
+    there_and_back, tmp_path, capsys, key
+):
+    def longer(record):
+        numbers = record if key == "period" else record["legs"][1]
+        numbers[key] += 0.01
+
+    folder = edited(there_and_back, tmp_path / "out", longer)
+    assert main(["export", "table", str(folder), "-o", str(tmp_path / "table.csv")]) == 2
+    said = capsys.readouterr().err
+    assert "cycle.json: its legs cannot be used: " in said
+    assert said.count("\n") == 1
+
+
+def test_a_leg_that_begins_at_another_speed_is_refused(there_and_back, tmp_path, capsys):
+    """At 0.1 m/s along x: motors of equal arms turn about as fast as that over an arm's length."""
+    folder = edited(there_and_back, tmp_path / "out", lambda record: None)
+    plan = json.loads((folder / "leg_2" / "plan.json").read_text())
+    plan["motion"]["position"][0][1][0] += 0.1
+    (folder / "leg_2" / "plan.json").write_text(json.dumps(plan))
+    assert main(["export", "table", str(folder), "-o", str(tmp_path / "table.csv")]) == 2
+    told = r"leg_2 begins \S+ rad and (\S+) rad/s off the wait after leg_1's end"
+    length = plan["scene"]["robot"]["upper_arm"]["length"]
+    speed = float(re.search(told, capsys.readouterr().err)[1])
+    assert 0.5 < speed * length / 0.1 < 2
+
+
+def test_legs_of_other_robots_are_refused(there_and_back, tmp_path, capsys):
+    folder = edited(there_and_back, tmp_path / "out", lambda record: None)
+    plan = json.loads((folder / "leg_2" / "plan.json").read_text())
+    plan["scene"]["robot"]["platform"]["mass"] *= 1.1
+    (folder / "leg_2" / "plan.json").write_text(json.dumps(plan))
+    assert main(["export", "table", str(folder), "-o", str(tmp_path / "table.csv")]) == 2
+    assert "leg_2 is of another robot than leg_1" in capsys.readouterr().err
+
+
+def test_a_saved_cycle_is_verified_again(there_and_back, capsys):
+    """RMS torques by the trapezoidal rule on trajectory.csv, which cuts the corners of jumps."""
+    assert main(["verify", str(there_and_back), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["ok"], told["failures"], told["differences"]) == (True, [], [])
+    rows = read_csv(there_and_back / "trajectory.csv").columns(["t", "tau1", "tau2", "tau3"])
+    t, squares = rows[:, 0], rows[:, 1:] ** 2
+    mean = np.diff(t) @ (squares[1:] + squares[:-1]) / 2 / t[-1]
+    assert told["rms_torque"] == pytest.approx(np.sqrt(mean), rel=5e-3)
+    assert told["period"] == pytest.approx(t[-1])
+
+
+def lower_limits(record):
+    record["rms_limits"] = [22.0, 22.0, 21.0]
+
+
+def cooler(record):
+    record["rms_torque"][1] *= 0.9
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lower_limits, "verification failed: the RMS torque of motor 3 is 21.9[0-9]+ N·m, and may"),
+        (lower_limits, "cycle.json: it says that ok is True, and verification now False"),
+        (cooler, "cycle.json: RMS torques are .* by it, and .* by its motions"),
+        (dict.clear, "cycle.json: it has no format; this version of deltaopt reads format 1"),
+    ],
+)
+def test_what_is_wrong_with_a_saved_cycle_is_told(there_and_back, tmp_path, capsys, change, told):
+    folder = edited(there_and_back, tmp_path / "out", change)
+    assert main(["verify", str(folder)]) == (2 if change is dict.clear else 1)
+    assert re.search(told, capsys.readouterr().err)
+
+
+@pytest.mark.parametrize("name", ["trajectory.csv", "leg_2/trajectory.csv"])
+def test_tables_of_a_saved_cycle_are_those_of_its_motions(there_and_back, tmp_path, capsys, name):
+    shutil.copytree(there_and_back, tmp_path / "out")
+    file = tmp_path / "out" / name
+    lines = file.read_text().splitlines()
+    t, x, *others = lines[-3].split(",")
+    row = ",".join([t, str(1.001 * float(x)), *others])
+    file.write_text("\n".join([*lines[:-3], row, *lines[-2:], ""]))
+    assert main(["verify", str(tmp_path / "out")]) == 1
+    assert f"{file}: x is " in capsys.readouterr().err

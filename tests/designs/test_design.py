@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from math import sqrt
 
 import pytest
@@ -82,10 +83,48 @@ def test_what_a_gear_costs_and_what_a_scene_may_take(folder):
     text = f"scenes: [far.yaml]\nlongest: 34 ms\n{GEAR.replace('most: 60', 'most: 60, price: 1')}"
     found = deltaopt.design(written(folder, text))
     assert found.best.durations == pytest.approx([0.034], rel=1e-4)
+    assert found.best.durations[0] <= 0.034
     shares = [sqrt((0.02 + n * n * 0.28e-4) / n) for n in (found.best.values[0], RATIO)]
     fastest = deltaopt.design(written(folder, f"scenes: [far.yaml]\n{GEAR}")).best.durations[0]
     assert shares[0] / shares[1] == pytest.approx(0.034 / fastest, rel=1e-4)
     assert found.best.values[0] < RATIO
+
+
+@pytest.mark.parametrize("how", ["", " times"])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
+def test_the_least_torque_that_will_do(folder, how, tolerance):
+    """T ~ 1/√τ: at a share 1.15 of what the middle of the bounds takes it is τ / 1.15²."""
+    unit, key = 3.82 if how else 1, f"robot.drive.motor.peak_torque{how}"
+    least, most = 3 / unit, 9.5 / unit
+    text = f"change: [{{key: {key}, least: {least}, most: {most}, price: 1}}]\n"
+    text = f"scenes: [far.yaml]\nper_second: 0\n{text}"
+    (folder / "robot.yaml").write_text(ROBOT.replace("3.82", "6.25"))
+    scene = deltaopt.load_scene(folder / "far.yaml")
+    longest = 1.15 * deltaopt.plan(scene, tolerance=1e-6).duration
+    (folder / "robot.yaml").write_text(ROBOT)
+    file = written(folder, f"{text}longest: {longest} s\n")
+    for derivatives in (True, False):
+        found = deltaopt.design(file, derivatives=derivatives, tolerance=tolerance).best
+        assert found.durations[0] <= longest
+        expected = 6.25 / unit / 1.15**2
+        assert found.values == pytest.approx([expected], rel=max(3e-4, 5 * tolerance))
+
+
+def test_a_search_begins_where_there_is_a_plan(folder):
+    """Straight down arms reach √((0.3 + f)² - 0.15²): to 0.85 m with f > 0.563 m, above the middle
+    of the bounds. No worse than any forearm of a scan."""
+    change = "change:\n  - {key: robot.forearm.length, least: 0.2, most: 0.9}\n"
+    for more in ("", "  - {key: robot.drive.gear.ratio, least: 8, most: 60}\n"):
+        file = written(folder, f"scenes: [far.yaml]\n{change}{more}")
+        found = deltaopt.design(file, tolerance=1e-3).best
+        assert 0.563 < found.values[0] <= 0.9
+        for length in (0.6, 0.7, 0.8, 0.9):
+            other = ROBOT.replace("length: 0.8", f"length: {length}")
+            (folder / "other.yaml").write_text(other)
+            scene = (folder / "far.yaml").read_text().replace("robot.yaml", "other.yaml")
+            (folder / "scene.yaml").write_text(scene)
+            scanned = deltaopt.plan(deltaopt.load_scene(folder / "scene.yaml")).duration
+            assert found.durations[0] <= 1.002 * scanned
 
 
 def test_rows_of_a_catalogue(folder, capsys):
@@ -103,6 +142,28 @@ def test_rows_of_a_catalogue(folder, capsys):
     assert len((folder / "out" / "designs.csv").read_text().splitlines()) == 2
     assert main(["design", str(file), "-o", str(folder / "out")]) == 0
     assert "2 choices passed over, which cannot be better" in capsys.readouterr().out
+
+
+def test_numbers_of_a_catalogue_in_any_notation(folder):
+    """T ~ √((J + n² Jm) / τ) of motors of τ = 0.955 and 3.82 N·m, Jm = 0.14 and 0.28 kg·cm²."""
+    file = written(folder, f"scenes: [near.yaml]\n{CATALOGUE}")
+
+    def duration(row):
+        (folder / "motors.csv").write_text(f"{MOTORS.splitlines()[0]}\nmotor,{row},100\n")
+        return deltaopt.design(file).best.durations[0]
+
+    slow, fast = duration(".955,+.14"), duration("382e-2,.28")
+    inertias = [0.02 + 20**2 * rotor for rotor in (0.14e-4, 0.28e-4)]
+    assert slow / fast == pytest.approx(sqrt(inertias[0] / 0.955 / (inertias[1] / 3.82)), rel=1e-4)
+
+
+@pytest.mark.parametrize("cell", ["", "-", "~3.82", "on request"])
+def test_a_row_without_a_number_is_refused(folder, cell):
+    """Ranked with the robot's own number it would be another motor."""
+    (folder / "motors.csv").write_text(MOTORS.replace("3.82,0.28,200", f"{cell},0.28,200"))
+    told = f"motors.csv has no number in column Peak torque [N*m], but {cell!r} in line 3; expected"
+    with pytest.raises(deltaopt.SceneError, match=re.escape(told)):
+        deltaopt.design(written(folder, f"scenes: [near.yaml]\n{CATALOGUE}"))
 
 
 def test_both_files_or_none_and_no_robot_of_somebody(folder, capsys):
@@ -142,7 +203,7 @@ def test_both_files_or_none_and_no_robot_of_somebody(folder, capsys):
         ),
         (
             "scenes: [far.yaml]\n" + CATALOGUE.replace("Rotor", "Motor"),
-            "catalogues[0].file has no column Motor inertia [kg*cm^2]",
+            "catalogues[0].file motors.csv has no column Motor inertia [kg*cm^2]",
         ),
     ],
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 import deltaopt
 from deltaopt.cli import main
 from deltaopt.output.foreign_table import UnreadableTable, read_foreign_table
-from deltaopt.output.joint_table import CUBIC, QUINTIC, Rows, checked_table
+from deltaopt.output.joint_table import CUBIC, QUINTIC, Rows, checked_table, table_within_limits
 from deltaopt.output.table_files import COLUMNS, of_controller, write_table
 from deltaopt.robot.model import delta_model
 from studies.problems import ORSINO, PROBLEMS
@@ -171,6 +172,7 @@ DAMAGES = {
     ),
     "none": (lambda t, rows: (t, rows), ""),
 }
+CONTRADICT = ("time in ms", "exchanged", "other signs")
 
 
 @pytest.mark.parametrize("name", DAMAGES)
@@ -180,9 +182,43 @@ def test_a_table_that_was_damaged_says_so(name, picked, robot, tmp_path, capsys)
     t, rows = change(table.t, np.hstack([table.theta, table.dtheta, table.ddtheta]))
     columns = dict(zip(COLUMNS, np.column_stack([t, rows]).T, strict=True))
     file = write(tmp_path / "table.csv", columns)
-    main(["verify", str(file), "--robot", str(robot), "--payload", "1"])
-    said = [line for line in capsys.readouterr().err.splitlines() if "table.csv" in line]
+    code = main(
+        [
+            "verify",
+            str(file),
+            "--robot",
+            str(robot),
+            "--payload",
+            "1",
+            "--json",
+            "--controller",
+            "cubic",
+        ]
+    )
+    out, err = capsys.readouterr()
+    said = [line for line in err.splitlines() if "table.csv" in line]
     assert re.search(expected, said[0]) if expected else not said
+    told = json.loads(out) if out else {"ok": False, "doubts": None, "limits": []}
+    assert not out or [f"{file}: {each}" for each in told["doubts"]] == said
+    kept = all(each["value"] <= 1e-9 for each in told["limits"])
+    assert told["ok"] == (kept and name not in CONTRADICT) == (code == 0)
+
+
+@pytest.mark.parametrize(("first", "last"), [(40, None), (None, -40), (40, -40)])
+def test_a_table_that_begins_or_ends_in_motion_says_so(
+    first, last, picked, robot, tmp_path, capsys
+):
+    """Which is no failure: tables onto belts do."""
+    table = table_within_limits(SCENE, picked.trajectory, Rows(1e-3), QUINTIC).table
+    rows = np.column_stack([table.t, table.theta, table.dtheta, table.ddtheta])[first:last]
+    file = write(tmp_path / "table.csv", dict(zip(COLUMNS, rows.T, strict=True)))
+    assert main(["verify", str(file), "--robot", str(robot), "--payload", "1"]) == 0
+    fast = np.abs(rows[[0, -1], 4:7]).max(axis=1)
+    told = [
+        f"{end} at {v:.3g} rad/s" for end, v in zip(("begins", "ends"), fast, strict=True) if v > 1
+    ]
+    expected = f"{file}: it {' and '.join(told)}; is it cut off, or meets it a belt?"
+    assert expected in capsys.readouterr().err.splitlines()
 
 
 def beside(names, entries):

@@ -16,6 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 
 import deltaopt
 from deltaopt.cli import main
+from deltaopt.output.plan_files import checksums
 from studies.problems import PROBLEMS
 
 ZERO = 0.0929912
@@ -99,14 +100,18 @@ def test_what_is_written_keeps_the_limits(controller, cycle, saved_otherwise, tm
 
 @pytest.fixture(scope="module")
 def hurried(saved_otherwise, tmp_path_factory):
-    """The folder of a plan that takes four fifths of its time; its record does not say so."""
+    """The folder of a plan that takes four fifths of its time."""
     content = json.loads((saved_otherwise / "plan.json").read_text(encoding="utf-8"))
+    del content["checksums"]
+    content["verification"]["ok"] = False
     motion = content["motion"]
     motion["knots"] = [0.8 * t for t in motion["knots"]]
     motion["position"] = [
         [[x / 0.8**power for x in row] for power, row in enumerate(piece)]
         for piece in motion["position"]
     ]
+    content["duration"] = motion["knots"][-1] - motion["knots"][0]
+    content["checksums"] = checksums(content)
     folder = tmp_path_factory.mktemp("hurried")
     (folder / "plan.json").write_text(json.dumps(content), encoding="utf-8")
     return folder
@@ -149,6 +154,22 @@ def test_a_plan_that_misses_its_goal_is_cured_by_no_slowing(saved_otherwise, tmp
         assert not file.exists()
     assert table_of(plan, file, "--anyway") == 0
     assert "# it ends 0.01 m from the scene's goal" in file.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_a_scene_that_was_edited_by_hand_is_told(target, saved_otherwise, tmp_path, capsys):
+    """With more torque the motion keeps its limits all the more: the checksums alone tell."""
+    content = json.loads((saved_otherwise / "plan.json").read_text(encoding="utf-8"))
+    content["scene"]["robot"]["drive"]["torque"] *= 2
+    plan, output = tmp_path / "plan.json", tmp_path / "out"
+    plan.write_text(json.dumps(content), encoding="utf-8")
+    words = ["export", target, str(plan), "-o", str(output / TARGETS[target][0])]
+    for more in (), ("--keep-limits",):
+        assert main([*words, *more]) == 1
+        said = capsys.readouterr().err
+        assert f"{plan}: changed since it was written: scene; nothing is written" in said
+        assert not output.exists()
+    assert main([*words, "--anyway"]) == 0
 
 
 def test_a_slower_plan_for_a_first_run(saved_otherwise, tmp_path, capsys):

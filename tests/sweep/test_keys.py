@@ -132,6 +132,10 @@ WRONG = [
         "samples.number is 0.0; expected",
     ),
     ("robot: nowhere.yaml", "nowhere.yaml"),
+    ("grid: {robot: [nowhere.yaml]}", "robot is 'nowhere.yaml'; expected keys of a robot; a sweep"),
+    ("points: [{robot: 3}]", "robot is 3.0; expected keys of a robot; a sweep names files"),
+    ("grid: {payload times: [[1, 2]]}", r"payload is \[1.0, 2.0\]; expected one number, by which"),
+    ("points: [{payload plus: [1, 2]}]", r"payload is \[1.0, 2.0\]; expected one number, by which"),
     ("points: [{payload: 1, place.w: 2}]", "place.w is not a known key; expected place.x"),
 ]
 

@@ -99,6 +99,9 @@ def test_a_table_of_other_points_is_refused(swept, tmp_path):
     with pytest.raises(OtherTable, match="not a table with the columns of this sweep"):
         deltaopt.sweep(deltaopt.Sweep(scene=str(PICK)), file, workers=1)
     assert file.read_bytes() == before
+    file.write_bytes(before.replace(b",1.02,", b",1.03,", 1))  # by hand, where a value was told
+    with pytest.raises(OtherTable, match=r"1 of its 6 rows are of other points .* edited"):
+        deltaopt.sweep(swept, file, workers=1)
     notes = tmp_path / "notes.txt"
     notes.write_text("no newline")
     with pytest.raises(OtherTable, match="not a table"):
