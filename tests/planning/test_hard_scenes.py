@@ -56,6 +56,7 @@ BEST = {
     "51_via_wall_industrial": 0.177489,
     "52_approach_shelves_industrial": 0.536322,
     "53_run_up_wall": 0.201048,
+    "54_outwards": 0.154988,
 }
 """The best duration known, s, of motions that pass through no parallel singularity."""
 

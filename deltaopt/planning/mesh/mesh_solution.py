@@ -195,9 +195,8 @@ class MeshSolution:
     def _cost_of_excess(self) -> Array:
         """What it costs to tighten the limits that each interval exceeds, by their prices, (N,), a
         fraction of the cost."""
-        rows = time_costing_rows(self.scaling.constraints)
-        prices = np.abs(self.solution.multipliers[:, :, rows]).sum(axis=(0, 1))
-        excess = self.sizes.max(axis=1)[:, rows] - 1
+        prices = np.abs(self.solution.multipliers).sum(axis=(0, 1))
+        excess = self.sizes.max(axis=1) - 1
         return np.asarray(np.maximum(excess, 0.0) @ np.maximum(prices, _CHEAPEST))
 
     def with_sure_bounds(self) -> MeshSolution:
