@@ -118,12 +118,11 @@ def _shortest(job: Any) -> float:
 
 def _spread(k: int) -> Iterator[Array]:
     """Shares of the bounds where a search may begin, (k,) each: the middle, and others that are
-    spread evenly, by powers of a number like the golden ratio."""
-    ratio = 1.0
-    for _ in range(50):
-        ratio = (1 + ratio) ** (1 / (k + 1))
-    steps = ratio ** -np.arange(1.0, k + 1)
-    yield from ((0.5 + number * steps) % 1 for number in range(_BEGINNINGS if k else 1))
+    spread evenly."""
+    yield np.full(k, 0.5)
+    if k:
+        halton = installed("scipy.stats.qmc", "design").Halton(k, scramble=False)
+        yield from halton.random(_BEGINNINGS)[1:]  # the first one is a corner
 
 
 @dataclass
