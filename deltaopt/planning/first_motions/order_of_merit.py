@@ -81,10 +81,13 @@ def rounds(scene: Scene) -> Iterator[Iterator[Proposal]]:
     the second round if there was no motion in either, and Infeasible before it where every path
     leads through a parallel singularity.
     """
-    axis = None if scene.tube is None else if_possible(RULED_OUT, _timed_axis, scene)
-    if axis is not None:
-        yield iter([Proposal("the tube's axis", axis)])
-        return
+    if scene.tube is not None:
+        # It may lead through bodies. It is not slowed to its limits between points of a mesh: under
+        # friction that can take twenty times as long as to plan from it.
+        axis = if_possible(RULED_OUT, roughly_on_path, _along_axis(scene), _OF_AXIS)
+        if axis is not None:
+            yield iter([Proposal("the tube's axis", axis)])
+            return
     found: list[Proposal] = []
     simple = _lines_and_curves(scene)
     if scene.tube is not None:
@@ -100,16 +103,6 @@ def require_axis(scene: Scene) -> None:
     """Raise Infeasible, Unreachable or Singular where the path that a scene's tube is about cannot
     be driven, whatever bodies are on it."""
     fastest_on_path(_along_axis(scene), _OF_AXIS, lambda _: None)
-
-
-def _timed_axis(scene: Scene) -> Trajectory:
-    """The fastest motion on the path that a scene's tube is about, roughly: it is in the tube, but
-    may lead through bodies. It is not slowed to its limits between points of a mesh: under friction
-    that can take twenty times as long as to plan from it.
-
-    Raises Infeasible, Unreachable or Singular where the path cannot be driven.
-    """
-    return roughly_on_path(_along_axis(scene), _OF_AXIS)
 
 
 def _along_axis(scene: Scene) -> Scene:
