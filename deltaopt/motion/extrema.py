@@ -114,11 +114,8 @@ def ridges(curves: Curves, fractions: Array, values: Array) -> Peaks:
         near = found.reshape(places.shape)
         best = near.argmax(axis=1)
         height, where = near.max(axis=1), places[np.arange(len(where)), best]
-        for k in np.argsort(height).tolist():
-            if height[k] > highest.values[function[k]]:
-                highest.values[function[k]] = height[k]
-                highest.intervals[function[k]] = interval[k]
-                highest.fractions[function[k]] = where[k]
+        tops = np.where(function[:, None] == np.arange(values.shape[1]), height[:, None], -np.inf)
+        highest.see(interval, where, tops)
         falls_here = np.abs(np.diff(near, axis=1)).max(axis=1)
         kept = height + falls_here >= highest.values[function]
         interval, function, where = interval[kept], function[kept], where[kept]

@@ -142,6 +142,11 @@ def _cubics(scene: Scene) -> Iterator[Trajectory]:
         )
 
 
+def from_rest_to_rest(u: Array) -> tuple[Array, Array]:
+    """Shares of a way that are covered at shares u of the time, (n,), by ``QUINTIC``, and rates."""
+    return np.asarray(polyval(u, QUINTIC)), np.asarray(polyval(u, polyder(QUINTIC)))
+
+
 def joint_line(scene: Scene) -> Trajectory:
     """The motion on a straight line in the motor angles, in 1 s, approximated by cubics.
 
@@ -151,10 +156,9 @@ def joint_line(scene: Scene) -> Trajectory:
     u = np.linspace(0.0, 1.0, _JOINT_LINE_INTERVALS + 1)
     start, goal = given_points(scene.task)
     ends = np.tile([*start, *goal], (len(u), 1))
-    share = np.asarray(polyval(u, QUINTIC), dtype=float)[:, None]
-    rate = np.asarray(polyval(u, polyder(QUINTIC)), dtype=float)[:, None]
+    shares = (each[:, None] for each in from_rest_to_rest(u))
     function = _joint_line_function(model.functions)
-    x, v = function(ends, share, rate, parameters=model.parameters)
+    x, v = function(ends, *shares, parameters=model.parameters)
     if not np.isfinite(x).all():
         raise Unreachable("motor angles straight from start to goal: the bars do not meet")
     x[[0, -1]], v[[0, -1]] = (start, goal), 0.0

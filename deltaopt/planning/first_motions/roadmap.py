@@ -16,13 +16,12 @@ from itertools import product
 from math import inf
 
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyval
 
-from deltaopt.curves.piecewise import QUINTIC, Array, PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.bands import resampled
-from deltaopt.planning.first_motions.initial_motion import roughly_fastest
+from deltaopt.planning.first_motions.initial_motion import from_rest_to_rest, roughly_fastest
 from deltaopt.robot.model import model_of
 from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.scene import Scene
@@ -212,8 +211,7 @@ def _rounded(path: Array, width: int) -> Array:
 def _motion(scene: Scene, path: Array) -> Trajectory:
     """The motion along samples of a path, at rest at both ends, in 1 s."""
     u = np.linspace(0, 1, len(path))
-    share = np.asarray(polyval(u, QUINTIC), dtype=float)
-    rate = np.asarray(polyval(u, polyder(QUINTIC)), dtype=float)
+    share, rate = from_rest_to_rest(u)
     slope = np.asarray(np.gradient(path, u, axis=0))
     x = np.stack([np.interp(share, u, path[:, i]) for i in range(3)], axis=1)
     v = np.stack([np.interp(share, u, slope[:, i]) for i in range(3)], axis=1) * rate[:, None]
