@@ -120,10 +120,8 @@ def sizes_at(problem: Problem, coefficients: Array, lengths: Array, fractions: A
     """
     knots = np.append(0.0, np.cumsum(lengths))
     pieces = PiecewisePolynomial(knots, coefficients)
-    model = problem.model
-    loads = LoadsOfMotion.of(problem, Trajectory(pieces, model))(
-        *everywhere(len(lengths), fractions)
-    )
+    evaluate = LoadsOfMotion.of(problem, Trajectory(pieces, problem.model))
+    loads = evaluate(*everywhere(len(lengths), fractions))
     sizes = problem.limits.constraints.size(loads.rows)
     return sizes.reshape(len(lengths), len(fractions), -1)
 
