@@ -8,7 +8,7 @@ of those leads to a plan, paths over grids of the workspace follow (``roadmap``)
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import chain, islice
+from itertools import chain, islice, tee
 
 import numpy as np
 
@@ -88,14 +88,15 @@ def rounds(scene: Scene) -> Iterator[Iterator[Proposal]]:
         if axis is not None:
             yield iter([Proposal("the tube's axis", axis)])
             return
-    found: list[Proposal] = []
     simple = _lines_and_curves(scene)
     if scene.tube is not None:
         simple = (p for p in simple if _is_in_tube(scene, _cubics(p.motion, _PIECES)))
-    yield _noted(simple, found)
+    simple, seen = tee(simple)
+    yield simple
     require_ends_on_one_side(scene)
-    yield _noted(_over_a_grid(scene), found)
-    if not found:
+    over_a_grid, seen_too = tee(_over_a_grid(scene))
+    yield over_a_grid
+    if not any(True for _ in chain(seen, seen_too)):
         raise Unreachable(what_was_searched(scene))
 
 
@@ -108,13 +109,6 @@ def require_axis(scene: Scene) -> None:
 def _along_axis(scene: Scene) -> Scene:
     """A scene in a tube as if its tool had to stay on the tube's axis, and there were no bodies."""
     return without_bodies(scene.on_its_path)
-
-
-def _noted(proposals: Iterator[Proposal], found: list[Proposal]) -> Iterator[Proposal]:
-    """The proposals, each of which is added to a list before it is given away."""
-    for proposal in proposals:
-        found.append(proposal)
-        yield proposal
 
 
 _SIMPLE: tuple[tuple[str, Callable[[Scene], Trajectory]], ...] = (

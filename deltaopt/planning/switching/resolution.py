@@ -19,7 +19,7 @@ from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.constraint_rows import ConstraintRows
 from deltaopt.planning.nlp.scaling import Scaling
-from deltaopt.planning.switching.active_set import changes
+from deltaopt.planning.switching.active_set import ActiveSetUpdate
 from deltaopt.planning.switching.arc_mesh import ArcMesh
 from deltaopt.planning.switching.conditions import EndValue, OptimalityConditions
 from deltaopt.planning.switching.kkt_system import KKTSystem
@@ -241,7 +241,7 @@ def _with_more_modes(candidate: _Candidate, residuals: OptimalityResiduals) -> l
 
 def _restructured(candidate: _Candidate, residuals: OptimalityResiduals) -> list[_Candidate]:
     """Candidates with other structures: with all changes at once, and with the first only."""
-    found = changes(residuals)
+    found = ActiveSetUpdate(residuals).changes
     structures = [changed(candidate.structure, chain.from_iterable(found))]
     if len(found) > 1:
         structures.append(changed(candidate.structure, found[0]))
