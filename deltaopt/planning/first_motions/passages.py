@@ -134,7 +134,7 @@ def _far_around(scene: Scene) -> Array | None:
     for steps, share in product(_STEPS, _FARTHER):
         apart = spacing(scene, steps)
         path = path_over_grid(lines.without, steps, replace(lines, spare=share * apart).room)
-        if path is not None and lines.lead_along(path):
+        if path is not None and all(lines.are_clear(a, b[None])[0] for a, b in pairwise(path)):
             return lines.cut_short(path)
     return None
 
@@ -200,10 +200,6 @@ class _StraightLines:
         is_clear = (distance > self._kept).all(axis=1)
         room = np.where(is_clear, room_at_rest(self.without, places), -1.0)
         return np.where(self._have_links_clear(places, room), room, -1.0)
-
-    def lead_along(self, path: Array) -> bool:
-        """Whether all lines between the corners of a path, (n, 3), are clear."""
-        return all(self.are_clear(a, b[None])[0] for a, b in pairwise(path))
 
     def cut_short(self, path: Array) -> Array:
         """A path, (n, 3), from each corner by a clear line to the last that one leads to."""
