@@ -7,34 +7,13 @@ ten times as much as one that does not.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 
 SX = ca.SX
 
 
-@dataclass(frozen=True)
-class _Angle:
-    """The sine and cosine of an expression that is an angle."""
-
-    sine: SX
-    cosine: SX
-
-    @classmethod
-    def of_point(cls, y: SX, x: SX) -> _Angle:
-        r = ca.sqrt(y * y + x * x)
-        return cls(y / r, x / r)
-
-    @classmethod
-    def of_sine(cls, s: SX) -> _Angle:
-        return cls(s, ca.sqrt((1 - s) * (1 + s)))
-
-    def minus(self, other: _Angle) -> _Angle:
-        return _Angle(
-            self.sine * other.cosine - self.cosine * other.sine,
-            self.cosine * other.cosine + self.sine * other.sine,
-        )
+_Angle = tuple[SX, SX]
+"""The sine and cosine of an expression that is an angle."""
 
 
 def simplified(function: ca.Function) -> ca.Function:
@@ -67,7 +46,7 @@ def simplified(function: ca.Function) -> ca.Function:
 
 def _value(operation: int, arguments: list[SX], angles: list[_Angle | None]) -> SX:
     if angles[0] is not None and operation in (ca.OP_SIN, ca.OP_COS):
-        return angles[0].sine if operation == ca.OP_SIN else angles[0].cosine
+        return angles[0][0 if operation == ca.OP_SIN else 1]
     if len(arguments) == 1:
         return SX.unary(operation, arguments[0])
     return SX.binary(operation, *arguments)
@@ -75,9 +54,13 @@ def _value(operation: int, arguments: list[SX], angles: list[_Angle | None]) -> 
 
 def _angle(operation: int, arguments: list[SX], angles: list[_Angle | None]) -> _Angle | None:
     if operation == ca.OP_ATAN2:
-        return _Angle.of_point(*arguments)
+        y, x = arguments
+        r = ca.sqrt(y * y + x * x)
+        return y / r, x / r
     if operation == ca.OP_ASIN:
-        return _Angle.of_sine(arguments[0])
+        (s,) = arguments
+        return s, ca.sqrt((1 - s) * (1 + s))
     if operation == ca.OP_SUB and angles[0] is not None and angles[1] is not None:
-        return angles[0].minus(angles[1])
+        (s, c), (sine, cosine) = angles[0], angles[1]
+        return s * cosine - c * sine, c * cosine + s * sine
     return None

@@ -85,10 +85,8 @@ class PiecewisePolynomial:
     def after(self, t: float) -> PiecewisePolynomial:
         """What follows a parameter ``t`` between the first knot and the last, from 0 on."""
         first = int(self.interval(np.array([t]))[0])
-        coefficients, factorial = self.coefficients[first:].copy(), 1.0
-        for power in range(coefficients.shape[1]):
-            coefficients[0, power] = self.at(t, power)[0] / factorial
-            factorial *= power + 1
+        coefficients = self.coefficients[first:].copy()
+        coefficients[0] = shifted(coefficients[0], t - self.knots[first])
         return PiecewisePolynomial(np.append(0.0, self.knots[first + 1 :] - t), coefficients)
 
     def then(self, other: PiecewisePolynomial) -> PiecewisePolynomial:

@@ -24,9 +24,11 @@ into for nothing, less leaves peaks in it to the parabola through samples that m
 _RIDGE_STEPS, _RIDGE_ROUNDS = 8, 15
 """Parts that the steps on both sides of a ridge's highest sample are cut into, and how often: its
 top is then known to 4⁻¹⁵ of a step. More parts take fewer calls of the curves, and more points."""
+_TAILS = 8.0
+"""Half-widths of a valley that are looked at, at least, on both of its sides: Coulomb friction, of
+which one is the change of sign, is constant to 1e-6 beyond."""
 _WINDOW_STEPS = 24  # in a window of a valley
 _VALLEY_ROUNDS = 4  # beyond (1/8)⁴ of a step rounding hides where a valley is lowest
-_SMOOTH_VALLEY_ROUNDS = 2  # where it need not be known better than to a part of its half-width
 
 
 @dataclass
@@ -114,11 +116,8 @@ def ridges(curves: Curves, fractions: Array, values: Array) -> Peaks:
         near = found.reshape(places.shape)
         best = near.argmax(axis=1)
         height, where = near.max(axis=1), places[np.arange(len(where)), best]
-        for k in np.argsort(height).tolist():
-            if height[k] > highest.values[function[k]]:
-                highest.values[function[k]] = height[k]
-                highest.intervals[function[k]] = interval[k]
-                highest.fractions[function[k]] = where[k]
+        tops = np.where(function[:, None] == np.arange(values.shape[1]), height[:, None], -np.inf)
+        highest.see(interval, where, tops)
         falls_here = np.abs(np.diff(near, axis=1)).max(axis=1)
         kept = height + falls_here >= highest.values[function]
         interval, function, where = interval[kept], function[kept], where[kept]
@@ -150,15 +149,14 @@ class Windows:
         highest.see_each(self.intervals[found.intervals], places, found.values)
 
 
-def narrow_valleys(curves: Curves, fractions: Array, values: Array, tails: float = 0.0) -> Windows:
+def narrow_valleys(curves: Curves, fractions: Array, values: Array) -> Windows:
     """Windows about minima of curves that are narrower than samples show, closer to them smaller.
 
     ``values``: of curves that are not negative, at ``everywhere`` of these fractions, evenly
     spaced, (K · n, c). The half-width of a valley is where its curve is twice the least: functions
-    of it that grow without bound at zero peak there, however far samples are apart. The windows
-    begin at 4 steps from the minimum, each half as wide as the one before. With ``tails`` there is
-    one on each side of a minimum, so many half-widths long: for functions that are smooth over a
-    half-width and constant beyond the tails.
+    of it that grow without bound at zero, or change within a half-width, peak there, however far
+    samples are apart. The windows begin at 4 steps from the minimum, or 8 half-widths if these are
+    more, each half as wide as the one before.
     """
     grid = values.reshape(-1, len(fractions), values.shape[1])
     left, middle, right = grid[:, :-2], grid[:, 1:-1], grid[:, 2:]
@@ -167,8 +165,8 @@ def narrow_valleys(curves: Curves, fractions: Array, values: Array, tails: float
         return Windows(np.zeros(0, np.intp), np.zeros(0), np.zeros(0))
     slope, bent = left - right, np.where(curvature > 0, curvature, np.inf)
     offset, least = slope / (2 * bent), middle - slope**2 / (8 * bent)
-    beside = np.maximum(_NARROW, tails * np.sqrt(2 * np.maximum(least, 0.0) / bent))
     near = np.abs(offset) <= 1
+    beside = np.maximum(_NARROW, _TAILS * np.sqrt(2 * np.maximum(least, 0.0) / bent))
     near[:, 0] |= (-1 - beside[:, 0] <= offset[:, 0]) & (offset[:, 0] <= 1)
     near[:, -1] |= (offset[:, -1] <= 1 + beside[:, -1]) & (offset[:, -1] >= -1)  # a part is within
     narrow = (curvature > 0) & near & (2 * least < _NARROW**2 * curvature)
@@ -177,20 +175,18 @@ def narrow_valleys(curves: Curves, fractions: Array, values: Array, tails: float
     if not len(interval):
         return Windows(interval, np.zeros(0), np.zeros(0))
     bottom = (sample + 1 + offset[narrow]) * step
-    if tails:
-        bottom, width = _bottoms(curves, interval, function, bottom, step, _SMOOTH_VALLEY_ROUNDS)
-        return _beside(interval, bottom, tails * width)
-    bottom, width = _bottoms(curves, interval, function, bottom, step, _VALLEY_ROUNDS)
-    return _graded(interval, bottom, _NARROW * step, float(width.min()) / 4)
+    bottom, width = _bottoms(curves, interval, function, bottom, step)
+    widest = max(_NARROW * step, _TAILS * float(width.max()))
+    return _graded(interval, bottom, widest, float(width.min()) / 4)
 
 
 def _bottoms(
-    curves: Curves, interval: Index, function: Index, bottom: Array, step: float, rounds: int
+    curves: Curves, interval: Index, function: Index, bottom: Array, step: float
 ) -> tuple[Array, Array]:
     """Where valleys are lowest, fractions, and their half-widths, (N,) each. The bottom of a valley
     of which an interval holds a side alone is outside of it, by the parabola at its end."""
     n, width = len(interval), np.full(len(interval), step)
-    for _ in range(rounds):
+    for _ in range(_VALLEY_ROUNDS):
         step /= _ZOOM
         bottom = np.clip(bottom, step, 1 - step)
         places = np.concatenate([bottom - step, bottom, bottom + step])
@@ -205,14 +201,6 @@ def _bottoms(
         least = np.maximum(middle - curvature * offset**2 / 2, 0.0)
         bottom, width = bottom + offset * step, np.sqrt(2 * least / curvature) * step
     return bottom, width
-
-
-def _beside(interval: Index, bottom: Array, away: Array) -> Windows:
-    """A window on each side of each bottom, so long, (N,)."""
-    begin = np.clip(np.concatenate([bottom - away, bottom]), 0.0, 1.0)
-    end = np.clip(np.concatenate([bottom, bottom + away]), 0.0, 1.0)
-    kept = end > begin
-    return Windows(np.tile(interval, 2)[kept], begin[kept], end[kept])
 
 
 def _graded(interval: Index, bottom: Array, widest: float, narrowest: float) -> Windows:

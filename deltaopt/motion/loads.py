@@ -73,15 +73,11 @@ class Loads:
 
     def needed(self, highest: Array, at_least: float = 1.0) -> NeededSlowing:
         """What the largest demands, (…), ask for: of samples a little less than of all instants."""
-        squared = np.maximum(at_least**2, highest[: self.slower].max())  # NaN if one is
-        faster = highest[self.slower + self.placed :]
+        slower, placed, faster = np.split(highest, [self.slower, self.slower + self.placed])
+        squared = np.maximum(at_least**2, slower.max())  # NaN if one is
         held = faster.max(initial=0.0) * squared <= 1
         factor = sqrt(squared) if squared < _TOO_MUCH and held else inf
-        return NeededSlowing(factor, self.misplaced(highest))
-
-    def misplaced(self, highest: Array) -> float:
-        """``NeededSlowing.misplaced`` of the largest demands, (…)."""
-        return float(highest[self.slower : self.slower + self.placed].max(initial=0.0)) - 1
+        return NeededSlowing(factor, float(placed.max(initial=0.0)) - 1)
 
 
 @dataclass(frozen=True)
@@ -120,10 +116,8 @@ def sizes_at(problem: Problem, coefficients: Array, lengths: Array, fractions: A
     """
     knots = np.append(0.0, np.cumsum(lengths))
     pieces = PiecewisePolynomial(knots, coefficients)
-    model = problem.model
-    loads = LoadsOfMotion.of(problem, Trajectory(pieces, model))(
-        *everywhere(len(lengths), fractions)
-    )
+    evaluate = LoadsOfMotion.of(problem, Trajectory(pieces, problem.model))
+    loads = evaluate(*everywhere(len(lengths), fractions))
     sizes = problem.limits.constraints.size(loads.rows)
     return sizes.reshape(len(lengths), len(fractions), -1)
 

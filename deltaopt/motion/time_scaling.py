@@ -43,11 +43,6 @@ from deltaopt.problem.problem import Problem
 
 _SAFE = 1e-12
 """Excess of a row of mixed powers that counts as none: rounding at its bound."""
-_CHAINS, _ARMS = slice(0, 3), slice(3, None)
-"""Columns of ``Loads.narrow``: of chains near their serial singularity, of arms that turn back."""
-_TAILS = 8.0
-"""Half-widths beside a reversal, in each of which the speed of an arm changes by that of Coulomb
-friction, within which torques may peak between samples: friction is constant to 1e-6 beyond."""
 _LITTLE = 1e-3
 """Share of the speed below which a motion is slowed by its square more, a millionth at most: that
 costs less than another look at the motion would."""
@@ -85,8 +80,6 @@ def needed_slowing(
         highest = _highest(along, lambda loads: loads.demands, fractions, known).values
         return known.needed(highest, at_least).beside(places)
 
-    tails = _tails(problem)
-
     def size(loads: Loads) -> Array:
         return constraints.size(loads.rows)
 
@@ -96,7 +89,7 @@ def needed_slowing(
             slowed = loads_along(problem, trajectory.slowed(1 / speed))
             loads = slowed(*everywhere(intervals, fractions))
         if closely:
-            return _highest(slowed, size, fractions, loads, tails)
+            return _highest(slowed, size, fractions, loads)
         highest = Peaks.none(constraints.number)
         highest.see(*everywhere(intervals, fractions), size(loads))
         return highest
@@ -244,7 +237,7 @@ def highest_rows(problem: Problem, trajectory: Trajectory) -> Peaks:
     along, fractions = loads_along(problem, trajectory), fractions_of(trajectory)
     size = problem.limits.constraints.size
     sampled = along(*everywhere(len(trajectory.knots) - 1, fractions))
-    found = _highest(along, lambda loads: size(loads.rows), fractions, sampled, _tails(problem))
+    found = _highest(along, lambda loads: size(loads.rows), fractions, sampled)
     at_kinks = _ridges(problem.limits.constraints, along, fractions, sampled)
     found.see_each(at_kinks.intervals, at_kinks.fractions, at_kinks.values)
     return found
@@ -255,21 +248,13 @@ def _highest(
     part: Callable[[Loads], Array],
     fractions: Array,
     sampled: Loads,
-    tails: float = 0.0,
 ) -> Peaks:
     """Where a part of the loads is largest, between samples too: about the places where a chain
     comes so near to its serial singularity, or an arm turns back under friction so quickly, that
-    torques peak between samples, closer than these. ``tails``: of the latter, as of
-    ``narrow_valleys``; without friction there are none."""
+    torques peak between samples, closer than these."""
     highest = peaks(lambda *where: part(along(*where)), fractions, part(sampled))
-    for columns, beside in ((_CHAINS, 0.0), (_ARMS, tails)):
-        narrow = sampled.narrow[:, columns]
-        if not narrow.shape[1]:
-            continue
-        valleys = narrow_valleys(
-            lambda *where, own=columns: along(*where).narrow[:, own], fractions, narrow, beside
-        )
-        valleys.let_see(highest, lambda *where: part(along(*where)))
+    valleys = narrow_valleys(lambda *where: along(*where).narrow, fractions, sampled.narrow)
+    valleys.let_see(highest, lambda *where: part(along(*where)))
     return highest
 
 
@@ -293,8 +278,3 @@ def rough_factor(problem: Problem, trajectory: Trajectory) -> float:
 def _mixed(problem: Problem) -> Truths:
     """Which rows of a scene mix powers of the speed, (rows,)."""
     return np.asarray(exponents_in(problem) == MIXED)
-
-
-def _tails(problem: Problem) -> float:
-    """``tails`` of the valleys of ``Loads.narrow``."""
-    return _TAILS if has_layers(problem) else 0.0

@@ -12,13 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import RULED_OUT, DeltaOptError, Infeasible, if_possible
-from deltaopt.motion.trajectory import Trajectory
+from deltaopt.motion.motion_sequence import waiting
 from deltaopt.planning.first_motions.belt import Meetings, not_found
 from deltaopt.planning.plan import Plan, plan_as_it_is
 from deltaopt.problem.boundary import REST
-from deltaopt.robot.model import model_of
 from deltaopt.scene.moving_ends import State
 from deltaopt.scene.scene import Scene
 
@@ -115,7 +113,6 @@ class PlacesOnBelt:
         plan = self._plan_to(time)
         if plan is None:
             return None
-        moving = plan.trajectory.position
         wait = time - plan.duration
         if wait < _LEAST_WAIT * plan.duration:
             late = plan.duration / time, time
@@ -124,10 +121,8 @@ class PlacesOnBelt:
         if self.scene.task.start.velocity != REST:
             self.early = time
             return None
-        start = np.zeros((1, *moving.coefficients.shape[1:]))
-        start[0, 0] = self.scene.task.start.position
-        still = PiecewisePolynomial(np.array([0.0, wait]), start)
-        motion = Trajectory(still.then(moving), model_of(self.scene.robot, self.scene.payload))
+        still = waiting(plan.trajectory.model, self.scene.task.start.position, REST, wait)
+        motion = still.then(plan.trajectory)
         return plan_as_it_is(self.scene, motion, plan.tolerance, plan.formulation)
 
     def _plan_to(self, time: float) -> Plan | None:

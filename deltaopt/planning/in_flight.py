@@ -56,8 +56,11 @@ def finished_first(
         return None
     motion = Trajectory(under_way, model_of(scene.robot, scene.payload))
     if _is_asked_for(problem_of(scene), motion):
-        finished = _finished(scene, motion, tolerance)
-        return quicker(finished, found) if finished and found else finished
+        if not _is_kept(scene, motion):
+            return None
+        origin = "the motion under way"
+        finished = plan_as_it_is(scene, motion, tolerance, origin, origin, "Finished")
+        return quicker(finished, found) if found else finished
     rest = from_end_of(scene, under_way)
     if found is not None and rest.moves_at_ends:
         return None
@@ -99,14 +102,6 @@ def _is_asked_for(problem: Problem, motion: Trajectory) -> bool:
     places = motion.position.at(passes(problem, motion))
     off = [dist(x, via.position) - via.within for x, via in zip(places, problem.gates, strict=True)]
     return max([off_its_ends(problem, motion), *off]) < _NO_WAY
-
-
-def _finished(scene: Scene, motion: Trajectory, tolerance: float) -> Plan | None:
-    """The motion under way, which leads to the goal; None if it breaks a limit."""
-    if not _is_kept(scene, motion):
-        return None
-    origin = "the motion under way"
-    return plan_as_it_is(scene, motion, tolerance, origin, origin, "Finished")
 
 
 def _is_kept(scene: Scene, trajectory: Trajectory) -> bool:

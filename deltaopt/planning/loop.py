@@ -325,6 +325,14 @@ def _in_the_way(scene: Scene, motion: Trajectory, name: str) -> tuple[float, str
     return least, f"{name} would have to take {factor:.3g} times as long, but its ends move"
 
 
+def or_error(planned: Callable[..., Plan], *given: object) -> Outcome:
+    """What is ``planned`` from what is given, or why there is no plan."""
+    try:
+        return planned(*given)
+    except NO_PLAN as error:
+        return error
+
+
 def or_raise(found: Plan | DeltaOptError) -> Plan:
     """The plan that is found; raises the error that is found instead of one."""
     if isinstance(found, Plan):

@@ -43,7 +43,7 @@ from deltaopt.planning.first_motions.through_gates import simple_motions, throug
 from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.in_flight import finished_first, stop_of
 from deltaopt.planning.links_clear import keeping_links_clear
-from deltaopt.planning.loop import USUAL, Loop, Outcome, better, or_raise
+from deltaopt.planning.loop import USUAL, Loop, Outcome, better, or_error, or_raise
 from deltaopt.planning.past_bodies.legs import Legs, proposed_in_legs, ways_in_legs
 from deltaopt.planning.past_bodies.ways import NEARLY, at_rest, fastest_way, ways_past
 from deltaopt.planning.path.path_planning import (
@@ -126,29 +126,25 @@ class Run(Loop):
     def _best_of_others(self, scene: Scene, usual: Callable[[Scene], Plan], search: Search) -> Plan:
         """The best of the ``usual`` plan and of those from other first motions, with what was
         looked at. Raises the first error if none leads to a plan."""
-        so_far, known = Outcomes(scene, self.good_gap(scene)), list[Plan]()
-        try:
-            known.append(self._links_clear(scene, usual))
-            so_far.add(known[0])
-            if scene.objective.is_share:  # others take as long, not a share of their own
-                in_time = scene.objective.alone(known[0].duration)
-                scene = scene.model_copy(update={"objective": in_time})
-        except NO_PLAN as error:
-            so_far.add(error)
-        motion, begin = known[0].trajectory if known else None, perf_counter()
+        so_far = Outcomes(scene, self.good_gap(scene))
+        first = or_error(self._links_clear, scene, usual)
+        so_far.add(first)
+        known = first if isinstance(first, Plan) else None
+        if known and scene.objective.is_share:  # others take as long, not a share of their own
+            in_time = scene.objective.alone(known.duration)
+            scene = scene.model_copy(update={"objective": in_time})
+        motion, begin = known.trajectory if known else None, perf_counter()
         for number, other in enumerate(other_motions(scene, motion, search.most, search.seed), 2):
             attempt = from_motion(
                 scene, Proposal(f"start {number}", other), self.optimiser.intervals
             )
-            try:
-                so_far.add(self._links_clear(scene, partial(self._only_from, attempt)))
-            except NO_PLAN as error:
-                so_far.add(error)
+            only_from = partial(self._only_from, attempt)
+            so_far.add(or_error(self._links_clear, scene, only_from))
             if perf_counter() - begin > search.seconds:
                 break
-        best, led = so_far.best_known(), len(so_far.plans) - len(known)
-        searched = what_came_of(so_far.tried - 1, led, best, known[0] if known else None)
-        ways = best.ways or (known[0].ways if known else ())
+        best, led = so_far.best_known(), len(so_far.plans) - bool(known)
+        searched = what_came_of(so_far.tried - 1, led, best, known)
+        ways = best.ways or (known.ways if known else ())
         return replace(best, searched=searched, ways=ways)
 
     def _only_from(self, attempt: Attempt, scene: Scene) -> Plan:
@@ -178,12 +174,9 @@ class Run(Loop):
             return None
         usual: Outcome | None = None
         if not (past_bodies and is_share):
-            try:
-                usual = self._plan_by_limits(scene, under_way)
-                if usual.gap <= _NEARLY or not past_bodies:
-                    return usual
-            except NO_PLAN as error:
-                usual = error
+            usual = or_error(self._plan_by_limits, scene, under_way)
+            if isinstance(usual, Plan) and (usual.gap <= _NEARLY or not past_bodies):
+                return usual
         tolerance = max(self.optimiser.tolerance, USUAL)
         quick = replace(self, optimiser=replace(self.optimiser, tolerance=tolerance))
         fastest = quick._plan_by_limits(scene.model_copy(update={"objective": Time()}), under_way)

@@ -211,6 +211,6 @@ def test_a_peak_some_half_widths_beside_a_reversal_is_found(begun, w, u):
     fractions = np.linspace(0.0, 1.0, 25)
     where = everywhere(1, fractions)
     highest = peaks(curve, fractions, curve(*where))
-    narrow_valleys(valley, fractions, valley(*where), tails=8.0).let_see(highest, curve)
+    narrow_valleys(valley, fractions, valley(*where)).let_see(highest, curve)
     expected = c * np.tanh(u) - k * (begun + u * w)
     assert highest.values[0] == pytest.approx(expected, abs=1e-12)

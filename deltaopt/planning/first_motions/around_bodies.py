@@ -212,15 +212,8 @@ def driven(scene: Scene, band: Array) -> Trajectory | None:
 def _without_spikes(band: Array) -> Array:
     """The band without places that all but coincide with another, and without those at which it
     turns right back: rounding would decide the direction there. Both of its ends stay.
-
-    Most bands have none; these are told at once for all their places.
     """
-    least, steps = _COINCIDE * dist(band[0], band[-1]), np.diff(band, axis=0)
-    lengths = np.linalg.norm(steps, axis=1)
-    along = (steps[1:] * steps[:-1]).sum(axis=1)
-    if (lengths > least).all() and (along >= _BACK * lengths[1:] * lengths[:-1]).all():
-        return band
-    kept = [band[0]]
+    least, kept = _COINCIDE * dist(band[0], band[-1]), [band[0]]
     for place in band[1:]:
         while len(kept) > 1 and (
             dist(place, kept[-1]) <= least or _turns_back(kept[-2], kept[-1], place)

@@ -65,11 +65,10 @@ class Meetings:
         chosen = np.linspace(0, len(found) - 1, min(_TRIED, len(found))).round()
         return np.asarray(found[chosen.astype(int)])
 
-    def is_possible_at(self, duration: float) -> bool:
-        """Whether it can be met after a duration, s, as far as the places tell."""
-        nearest = np.abs(self.times - duration).argmin() if len(self.times) else 0
-        inside = len(self.times) and self.times[0] <= duration <= self.times[-1]
-        return bool(inside and self.possible[nearest])
+    @property
+    def is_possible_at_once(self) -> bool:
+        """Whether it can be met where the motion starts, as far as the places tell."""
+        return bool(self.possible[self.times == 0].any())
 
     def within(self, durations: Array) -> Array:
         """Those of some durations, s, increasing, after which it can be met as far as the places

@@ -24,8 +24,9 @@ from deltaopt.curves.piecewise import (
 from deltaopt.errors import RULED_OUT, Infeasible, Unreachable, if_possible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.mechanisms.functions import Functions
+from deltaopt.motion.motion_sequence import waiting
 from deltaopt.motion.time_scaling import needed_slowing, rough_factor
-from deltaopt.motion.trajectory import Trajectory
+from deltaopt.motion.trajectory import Trajectory, start_of
 from deltaopt.problem.boundary import REST
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.machine import Model
@@ -269,12 +270,8 @@ def _holding_effort(way: tuple[Trajectory, Trajectory]) -> float:
 
 def _with_wait(there: Trajectory, onwards: Trajectory, duration: float) -> Trajectory:
     """One motion after the other, with a wait between them that fills the ``duration`` (s)."""
-    first, last = there.position.coefficients, onwards.position.coefficients
-    wait = np.zeros_like(last)
-    wait[:, 0] = last[:, 0]
-    knots = np.array([0.0, there.duration, duration - onwards.duration, duration])
-    coefficients = np.concatenate([first, wait, last])
-    return Trajectory(PiecewisePolynomial(knots, coefficients), there.model)
+    left, place = duration - there.duration - onwards.duration, start_of(onwards.position)
+    return there.then(waiting(there.model, place, REST, left)).then(onwards)
 
 
 def line(scene: Scene) -> Trajectory:

@@ -163,7 +163,7 @@ def _waiting(scene: Scene, most: float) -> Iterator[Trajectory]:
     if not task.goal.moves or task.start.velocity != REST:
         return
     meetings = Meetings.of(scene, task.goal)
-    if meetings.is_possible_at(0.0):
+    if meetings.is_possible_at_once:
         return
     for time in meetings.durations[:_SOONEST].tolist():
         found = shortest_of(scene, _after_waiting(task.start, task.goal, time), most=most)

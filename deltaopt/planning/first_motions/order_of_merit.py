@@ -8,7 +8,7 @@ of those leads to a plan, paths over grids of the workspace follow (``roadmap``)
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import chain, islice
+from itertools import chain, islice, tee
 
 import numpy as np
 
@@ -81,18 +81,22 @@ def rounds(scene: Scene) -> Iterator[Iterator[Proposal]]:
     the second round if there was no motion in either, and Infeasible before it where every path
     leads through a parallel singularity.
     """
-    axis = None if scene.tube is None else if_possible(RULED_OUT, _timed_axis, scene)
-    if axis is not None:
-        yield iter([Proposal("the tube's axis", axis)])
-        return
-    found: list[Proposal] = []
+    if scene.tube is not None:
+        # It may lead through bodies. It is not slowed to its limits between points of a mesh: under
+        # friction that can take twenty times as long as to plan from it.
+        axis = if_possible(RULED_OUT, roughly_on_path, _along_axis(scene), _OF_AXIS)
+        if axis is not None:
+            yield iter([Proposal("the tube's axis", axis)])
+            return
     simple = _lines_and_curves(scene)
     if scene.tube is not None:
         simple = (p for p in simple if _is_in_tube(scene, _cubics(p.motion, _PIECES)))
-    yield _noted(simple, found)
+    simple, seen = tee(simple)
+    yield simple
     require_ends_on_one_side(scene)
-    yield _noted(_over_a_grid(scene), found)
-    if not found:
+    over_a_grid, seen_too = tee(_over_a_grid(scene))
+    yield over_a_grid
+    if not any(True for _ in chain(seen, seen_too)):
         raise Unreachable(what_was_searched(scene))
 
 
@@ -102,26 +106,9 @@ def require_axis(scene: Scene) -> None:
     fastest_on_path(_along_axis(scene), _OF_AXIS, lambda _: None)
 
 
-def _timed_axis(scene: Scene) -> Trajectory:
-    """The fastest motion on the path that a scene's tube is about, roughly: it is in the tube, but
-    may lead through bodies. It is not slowed to its limits between points of a mesh: under friction
-    that can take twenty times as long as to plan from it.
-
-    Raises Infeasible, Unreachable or Singular where the path cannot be driven.
-    """
-    return roughly_on_path(_along_axis(scene), _OF_AXIS)
-
-
 def _along_axis(scene: Scene) -> Scene:
     """A scene in a tube as if its tool had to stay on the tube's axis, and there were no bodies."""
     return without_bodies(scene.on_its_path)
-
-
-def _noted(proposals: Iterator[Proposal], found: list[Proposal]) -> Iterator[Proposal]:
-    """The proposals, each of which is added to a list before it is given away."""
-    for proposal in proposals:
-        found.append(proposal)
-        yield proposal
 
 
 _SIMPLE: tuple[tuple[str, Callable[[Scene], Trajectory]], ...] = (

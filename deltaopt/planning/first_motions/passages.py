@@ -134,14 +134,14 @@ def _far_around(scene: Scene) -> Array | None:
     for steps, share in product(_STEPS, _FARTHER):
         apart = spacing(scene, steps)
         path = path_over_grid(lines.without, steps, replace(lines, spare=share * apart).room)
-        if path is not None and lines.lead_along(path):
+        if path is not None and all(lines.are_clear(a, b[None])[0] for a, b in pairwise(path)):
             return lines.cut_short(path)
     return None
 
 
 def _path(lines: _StraightLines, ends: Array, others: Array, searches: int) -> Array | None:
     """The shortest clear path over places (N, 3), m, with so many searches at most."""
-    places = np.vstack([ends, lines.clear_places(others)])
+    places = np.vstack([ends, others[lines.room(others) > 0]])
     n = len(places)
     length = np.linalg.norm(places[:, None] - places, axis=2)
     ahead, known = length[:, 1].copy(), np.zeros(n, dtype=np.bool)
@@ -194,23 +194,12 @@ class _StraightLines:
         distance, _ = signed_distances(problem_of(self.scene), np.array(self.scene.given_points))
         return np.asarray(distance < self._kept + _TOUCHED)
 
-    def clear_places(self, places: Array) -> Array:
-        """Those that are clear of bodies and where the platform can be held."""
-        return places[self.room(places) > 0]
-
     def room(self, places: Array) -> Array:
         """The room for the platform at rest at places, (N,), negative where they are not clear."""
-        room = np.where(self.are_clear_places(places), room_at_rest(self.without, places), -1.0)
-        return np.where(self._have_links_clear(places, room), room, -1.0)
-
-    def are_clear_places(self, places: Array) -> Truths:
-        """Which places, (N, 3), are clear of bodies, (N,)."""
         distance, _ = signed_distances(problem_of(self.scene), places)
-        return np.asarray((distance > self._kept).all(axis=1))
-
-    def lead_along(self, path: Array) -> bool:
-        """Whether all lines between the corners of a path, (n, 3), are clear."""
-        return all(self.are_clear(a, b[None])[0] for a, b in pairwise(path))
+        is_clear = (distance > self._kept).all(axis=1)
+        room = np.where(is_clear, room_at_rest(self.without, places), -1.0)
+        return np.where(self._have_links_clear(places, room), room, -1.0)
 
     def cut_short(self, path: Array) -> Array:
         """A path, (n, 3), from each corner by a clear line to the last that one leads to."""

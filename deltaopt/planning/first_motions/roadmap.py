@@ -120,17 +120,17 @@ class _Grid:
         distance = np.linalg.norm(self.points - point, axis=-1)
         distance[self.room <= 0] = inf
         nearest = np.argsort(distance, axis=None)[:_CONNECTED]
-        places = [np.unravel_index(i, distance.shape) for i in nearest]
+        places = np.stack(np.unravel_index(nearest, distance.shape), axis=1)
         found: dict[Index, float] = {}
         share = np.linspace(0, 1, _BETWEEN)[:, None]
-        for i, j, k in places:
-            if distance[i, j, k] == inf:
+        for i, j, k in places.tolist():
+            place = (i, j, k)
+            if distance[place] == inf:
                 break
-            line = point + share * (self.points[i, j, k] - point)
+            line = point + share * (self.points[place] - point)
             room = self.room_at(line[1:]).min()
             if room > 0:
-                place = (int(i), int(j), int(k))
-                found[place] = float(distance[i, j, k] * _weight(room))
+                found[place] = float(distance[place] * _weight(room))
         return found
 
     def _costs(self, left: dict[Index, float], edges: list[Array]) -> Array:
@@ -212,8 +212,7 @@ def _rounded(path: Array, width: int) -> Array:
 def _motion(scene: Scene, path: Array) -> Trajectory:
     """The motion along samples of a path, at rest at both ends, in 1 s."""
     u = np.linspace(0, 1, len(path))
-    share = np.asarray(polyval(u, QUINTIC), dtype=float)
-    rate = np.asarray(polyval(u, polyder(QUINTIC)), dtype=float)
+    share, rate = polyval(u, QUINTIC), polyval(u, polyder(QUINTIC))
     slope = np.asarray(np.gradient(path, u, axis=0))
     x = np.stack([np.interp(share, u, path[:, i]) for i in range(3)], axis=1)
     v = np.stack([np.interp(share, u, slope[:, i]) for i in range(3)], axis=1) * rate[:, None]

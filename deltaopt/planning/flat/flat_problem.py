@@ -92,12 +92,12 @@ def boundary(asked: Boundary, scaling: Scaling, accuracy: float = 0.0) -> PhaseB
     state = np.array(
         [
             np.where(asked.free, 0.0, scaling.place(asked.position)),
-            scaling.velocity(asked.velocity),
-            scaling.acceleration(asked.acceleration),
+            scaling.rate(asked.velocity, 1),
+            scaling.rate(asked.acceleration, 2),
         ][:order]
     )
     radius = asked.within / scaling.length * (1 - accuracy)
-    return PhaseBoundary(state, free, scaling.velocity(asked.belt), radius)
+    return PhaseBoundary(state, free, scaling.rate(asked.belt, 1), radius)
 
 
 @dataclass(frozen=True)

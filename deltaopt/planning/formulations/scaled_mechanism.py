@@ -13,6 +13,7 @@ from typing import Generic, TypeVar
 import casadi as ca
 import numpy as np
 
+from deltaopt.codegen.vectorised import evaluate_rows
 from deltaopt.curves.piecewise import Array, Index, Truths
 from deltaopt.dynamics.constraint_matrix import ClosedForm
 from deltaopt.dynamics.lagrange import Explicit
@@ -159,8 +160,7 @@ class ScaledMechanism:
 
     def rows(self, function: ca.Function, *columns: Array, p: Array) -> tuple[Array, ...]:
         """Evaluate a function of (column …, p) for N rows of each: (N, i) each -> (N, o) each."""
-        results = function.call([*(ca.DM(c.T) for c in columns), ca.DM(p)])
-        return tuple(np.asarray(r.full()).T for r in results)
+        return evaluate_rows(function, *columns, parameters=p)
 
     def coordinates(self, xi: Array, p: Array) -> Array:
         """The coordinates q, (n,), for the independent ones ξ, (ν,)."""

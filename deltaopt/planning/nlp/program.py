@@ -109,14 +109,10 @@ class IpoptProgram:
         self.linear = linear
         self.points = points
         continuity = np.zeros(len(linear.columns))
-        self._lower_rows = np.concatenate([continuity, *(q.bounds(q.lower) for q in points)])
-        self._upper_rows = np.concatenate([continuity, *(q.bounds(q.upper) for q in points)])
+        lower = np.concatenate([continuity, *(q.bounds(q.lower) for q in points)])
+        upper = np.concatenate([continuity, *(q.bounds(q.upper) for q in points)])
+        self.rows = lower, upper  # of all rows, linear ones first
         self._solver = self._build(cost, options or {}, running)
-
-    @property
-    def rows(self) -> tuple[Array, Array]:
-        """Lower and upper bounds of all rows, linear ones first."""
-        return self._lower_rows, self._upper_rows
 
     @property
     def row_names(self) -> list[str]:
@@ -164,7 +160,7 @@ class IpoptProgram:
     def _build(self, cost: Array, options: Options, running: RunningCost | None) -> ca.Function:
         np_ = self.points[0].function.function.size1_in(1)
         z, p = ca.MX.sym("z", self._n), ca.MX.sym("p", np_)
-        lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(self._lower_rows))
+        lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(self.rows[0]))
         G = self.linear.matrix(self._n)
         f, gradient, hessian = ca.dot(ca.DM(cost), z), ca.MX(ca.DM(cost)), ca.MX(self._n, self._n)
         g, jac, first = [ca.mtimes(G, z)], [ca.MX(G)], G.shape[0]
@@ -192,7 +188,8 @@ class IpoptProgram:
 
     def _failure(self, stats: dict[str, object], g: Array) -> str:
         """A sentence with Ipopt's status and the row that is violated most."""
-        violation = np.maximum(self._lower_rows - g, g - self._upper_rows)
+        lower, upper = self.rows
+        violation = np.maximum(lower - g, g - upper)
         worst = int(np.nanargmax(violation)) if np.isfinite(violation).any() else 0
         return (
             f"Ipopt stopped after {stats['iter_count']} iterations: {stats['return_status']}; "

@@ -145,13 +145,10 @@ class Scaling:
         """A point in m as a scaled position, (3,); not a number where it is free."""
         return (np.array(point, dtype=float) - self.origin) / self.length
 
-    def velocity(self, velocity: Vector3) -> Array:
-        """A velocity in m/s in units of length over ``time``, (3,)."""
-        return np.array(velocity) * (self.time / self.length)
-
-    def acceleration(self, acceleration: Vector3) -> Array:
-        """An acceleration in m/s² in units of length over ``time`` squared, (3,)."""
-        return np.array(acceleration) * (self.time**2 / self.length)
+    def rate(self, rate: Vector3, order: int) -> Array:
+        """A velocity in m/s (order 1) or an acceleration in m/s² (order 2) in units of length over
+        those of ``time``, (3,)."""
+        return np.array(rate) * (self.time**order / self.length)
 
     def shares(self, intervals: int) -> Array:
         """The part of each limit that may be used in each interval, (N, rows)."""

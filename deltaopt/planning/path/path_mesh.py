@@ -48,12 +48,8 @@ class PathMesh:
     def of(cls, path: Path, nodes: Array) -> PathMesh:
         """With these nodes and the path's knots."""
         own, begin, end = path.knots, path.knots[0], path.knots[-1]
-        near = np.searchsorted(own, nodes)
-        gap = np.minimum(
-            np.abs(own[np.minimum(near, len(own) - 1)] - nodes),
-            np.abs(own[np.maximum(near - 1, 0)] - nodes),
-        )
-        inner = nodes[gap > _SAME * (end - begin)]
+        nearest = np.rint(np.interp(nodes, own, np.arange(len(own)))).astype(np.intp)
+        inner = nodes[np.abs(own[nearest] - nodes) > _SAME * (end - begin)]
         return cls(path, np.sort(np.concatenate([own, inner])))
 
     @cached_property

@@ -155,7 +155,7 @@ def _held(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, OnMesh]:
     margin = 0.0
     for _ in range(_MOST_MARGINS):
         found, loss = timing.fastest(_SHARES[0], margin)
-        trajectory = Trajectory(found.motion.position, model_of(scene.robot, scene.payload))
+        trajectory = _on_mesh(scene, found)
         factor = safe_factor(problem_of(scene), trajectory)
         if factor <= 1 + _KEPT:
             return trajectory, loss, found

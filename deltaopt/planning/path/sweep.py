@@ -1,9 +1,9 @@
 """The fastest speeds along a path that keep affine rows: reachability, backwards and forwards.
 
-``sweep.c`` says how, and does it. A linear program does the same without a compiler: the largest b
-at all nodes is that of the largest sum. Of all u that lead from node to node, those of a cell are
-chosen that are nearest to each other. Speeds are the same but where u may change little in a cell:
-the sweep leaves something to spare there, of the duration some 1e-6.
+``sweep.c`` says how, and does it for ``on_mesh.c``. A linear program does the same without a
+compiler: the largest b at all nodes is that of the largest sum. Of all u that lead from node to
+node, those of a cell are chosen that are nearest to each other. Speeds are the same but where u may
+change little in a cell: the sweep leaves something to spare there, of the duration some 1e-6.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Unattainable(Infeasible):
 
 def swept(h: Array, rows: AffineRows, start: float, goal: float, *, convex: bool = True) -> Speeds:
     """The fastest motion over cells of lengths h, (N,), with b = ``start`` and ``goal`` at its
-    ends.
+    ends, by the linear program.
 
     ``rows``: at both ends of every cell, the begin first, (2 N, rows). ``convex``: whether they are
     no tangents to something that is not convex, see ``PathRows.are_convex``. Raises Unattainable.
@@ -63,37 +63,18 @@ def swept(h: Array, rows: AffineRows, start: float, goal: float, *, convex: bool
     length, largest = float(h.sum()), float(np.abs(rows.alpha).max()) or 1.0
     b_unit = length / largest
     scaled = AffineRows(rows.alpha / largest, rows.beta * b_unit, rows.low, rows.high)
-    b, u = _swept(h / length, scaled, start / b_unit, goal / b_unit, convex)
-    return Speeds(b * b_unit, u / largest)
+    cells, first, last = h / length, start / b_unit, goal / b_unit
+    change = _largest_changes(cells, scaled, convex)
+    b = _largest(cells, scaled, change, (first, first), last)
+    if b is not None:
+        return Speeds(b * b_unit, _accelerations(cells, scaled, change, b) / largest)
 
+    def leads_to_goal(node: int) -> bool:
+        left = AffineRows(*(each[2 * node :] for each in vars(scaled).values()))
+        return _largest(cells[node:], left, change[node:], (0.0, FASTEST), last) is not None
 
-def _swept(
-    h: Array, rows: AffineRows, start: float, goal: float, convex: bool
-) -> tuple[Array, Array]:
-    """The fastest b and u in units of the path's length and of the largest alpha."""
-    code, n = compiled(), len(h)
-    if code is None:
-        found = _by_linear_program(h, rows, start, goal, FASTEST, convex)
-        if isinstance(found, int | None):
-            raise Unattainable(found)
-        return found
-    b, u, memory = np.empty(n + 1), np.empty((n, 2)), np.empty((n + 1, 3))
-    given = [h, rows.alpha, rows.beta, rows.low, rows.high]
-    arrays = [np.ascontiguousarray(each, dtype=float) for each in given]
-    size, number = ctypes.c_int64, ctypes.c_double
-    status = code.sweep(
-        size(n),
-        size(rows.alpha.shape[1]),
-        size(convex),
-        *(ctypes.c_void_p(each.ctypes.data) for each in arrays),
-        number(start),
-        number(goal),
-        number(FASTEST),
-        *(ctypes.c_void_p(each.ctypes.data) for each in (b, u, memory)),
-    )
-    if status:
-        raise Unattainable(status - 1 if status > 0 else None)
-    return b, u
+    node = bisect_left(range(len(h)), True, key=leads_to_goal)
+    raise Unattainable(node - 1 if node else None)
 
 
 def source() -> str:
@@ -109,27 +90,8 @@ def compiled() -> Any:
     if built is None:
         return None
     code = ctypes.CDLL(str(built))
-    code.sweep.restype = code.on_mesh.restype = ctypes.c_int64
+    code.on_mesh.restype = ctypes.c_int64
     return code
-
-
-def _by_linear_program(
-    h: Array, rows: AffineRows, start: float, goal: float, most: float, convex: bool
-) -> tuple[Array, Array] | int | None:
-    """b at the nodes, (N + 1,), at most ``most``, and u at both ends of every cell, (N, 2); where
-    there are none, the last node from which no speed leads to the goal, or None where only the
-    speed at the start is wrong."""
-    change = _largest_changes(h, rows, convex)
-    b = _largest(h, rows, change, (start, start), goal, most)
-    if b is not None:
-        return b, _accelerations(h, rows, change, b)
-
-    def leads_to_goal(node: int) -> bool:
-        left = AffineRows(*(each[2 * node :] for each in vars(rows).values()))
-        return _largest(h[node:], left, change[node:], (0.0, most), goal, most) is not None
-
-    first = bisect_left(range(len(h)), True, key=leads_to_goal)
-    return first - 1 if first else None
 
 
 def _largest_changes(h: Array, rows: AffineRows, convex: bool) -> Array:
@@ -147,10 +109,10 @@ def _largest_changes(h: Array, rows: AffineRows, convex: bool) -> Array:
 
 
 def _largest(
-    h: Array, rows: AffineRows, change: Array, start: tuple[float, float], goal: float, most: float
+    h: Array, rows: AffineRows, change: Array, start: tuple[float, float], goal: float
 ) -> Array | None:
-    """The largest b at the nodes, (N + 1,), within ``start`` at the first and at most ``most``;
-    None if there is none."""
+    """The largest b at the nodes, (N + 1,), within ``start`` at the first; None if there is
+    none."""
     N, m = len(h), rows.alpha.shape[1]
     b, u = ca.SX.sym("b", N + 1), ca.SX.sym("u", 2 * N)
     first, last, at_ends = u[::2], u[1::2], b[np.repeat(range(N + 1), 2)[1:-1].tolist()]
@@ -164,7 +126,7 @@ def _largest(
     solver = ca.qpsol("speeds", "highs", program, {"error_on_fail": False, "highs": _OPTIONS})
     found = solver(
         lbx=ca.vertcat(start[0], ca.DM.zeros(N - 1), goal, -ca.DM.inf(2 * N)),
-        ubx=ca.vertcat(start[1], most * ca.DM.ones(N - 1), goal, ca.DM.inf(2 * N)),
+        ubx=ca.vertcat(start[1], FASTEST * ca.DM.ones(N - 1), goal, ca.DM.inf(2 * N)),
         lbg=ca.vertcat(ca.DM.zeros(N), ca.vec(low), -change),
         ubg=ca.vertcat(ca.DM.zeros(N), ca.vec(high), change),
     )["x"]

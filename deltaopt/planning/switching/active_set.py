@@ -40,20 +40,15 @@ _CONTROL = 2
 """The order of limits of controls, next to 0 and 1 of state limits."""
 
 
-def changes(residuals: OptimalityResiduals) -> list[Change]:
-    """Changes of the structure that would reduce what is wrong, the worst violation first."""
-    return _ActiveSetUpdate(residuals).changes
-
-
 @dataclass(frozen=True)
-class _ActiveSetUpdate:
-    """Samples are those of the residuals, (n, dense)."""
+class ActiveSetUpdate:
+    """What would reduce what is wrong with a structure, by its residuals at samples, (n, dense)."""
 
     residuals: OptimalityResiduals
 
     @property
     def changes(self) -> list[Change]:
-        """One change for each run of samples that should be alike, the worst first."""
+        """One change for each run of samples that should be alike, the worst violation first."""
         before, after = self._active, self._wanted
         violation = np.maximum(self._violations, 0.0).sum(axis=(2, 3))
         bad = np.ravel(self._lengths[:, None] * violation)

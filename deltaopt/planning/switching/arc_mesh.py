@@ -59,10 +59,7 @@ class Polynomials(PiecewiseAcceleration):
         return np.asarray(slopes @ np.linalg.inv(at_nodes))
 
 
-@lru_cache(maxsize=8)
-def polynomials(degree: int) -> Polynomials:
-    """The polynomials of a degree; all meshes share them."""
-    return Polynomials(degree)
+_polynomials = lru_cache(maxsize=8)(Polynomials)
 
 
 @dataclass(frozen=True)
@@ -83,7 +80,7 @@ class ArcMesh:
         about ``more_modes`` more than at first on an arc of half of the duration."""
         lengths = np.clip(structure.lengths, 0.0, 1.0)
         modes = 1 + (more_modes + 10) * lengths.clip(0.0, 0.3) / 0.5 + 4 * lengths
-        return cls(parts_of(lengths), polynomials(degree), np.ceil(modes).astype(np.intp))
+        return cls(parts_of(lengths), _polynomials(degree), np.ceil(modes).astype(np.intp))
 
     @cached_property
     def arc(self) -> Index:

@@ -242,11 +242,9 @@ class KKTSystem:
 
     def _control_columns(self) -> Array:
         """Derivatives of the active rows by coefficients of singular controls, (n, m nodes, ·)."""
-        mesh, m = self.of.mesh, self.of.rows.motors
-        columns = np.zeros((mesh.intervals, len(mesh.polynomials.nodes), m, m, mesh.most_modes))
-        for j in range(m):
-            columns[:, :, j, j] = -mesh.legendre
-        return columns.reshape(mesh.intervals, len(mesh.polynomials.nodes) * m, -1)
+        own = np.eye(self.of.rows.motors)
+        columns = np.einsum("nkl,ij->nkijl", -self.of.mesh.legendre, own)
+        return np.asarray(columns.reshape(len(columns), -1, self.of.index.coefficients))
 
     def _border(self, Q: Array) -> Array:
         """Second derivatives by the border alone, and its right-hand side, (n, width, width)."""

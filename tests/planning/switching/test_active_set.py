@@ -11,7 +11,7 @@ import pytest
 
 from deltaopt import Planner, verify
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.switching.active_set import _ActiveSetUpdate
+from deltaopt.planning.switching.active_set import ActiveSetUpdate
 from deltaopt.planning.switching.conditions import state_rows
 from deltaopt.planning.switching.kkt_system import KKTSystem
 from deltaopt.planning.switching.newton import solve_conditions
@@ -139,7 +139,7 @@ def test_what_is_held_makes_the_hamiltonian_least(number):
     """By costates, p · (V, A), against a grid of torques within their limits that keep the state
     limits; and it is the vertex that an update would choose."""
     e = residuals(number)
-    update, conditions = _ActiveSetUpdate(e), e.conditions
+    update, conditions = ActiveSetUpdate(e), e.conditions
     rows, costates = conditions.rows, KKTSystem(conditions, e.point).costates[:, 3:]
     grid = np.linspace(-1, 1, 21)
     for i, arc in enumerate(conditions.mesh.arc):

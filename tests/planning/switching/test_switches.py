@@ -19,7 +19,7 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.constraint_rows import ConstraintRows, constraint_rows
 from deltaopt.planning.flat.equations import PointEquations, point_equations
 from deltaopt.planning.nlp.scaling import Parameters, Scaling
-from deltaopt.planning.switching.active_set import changes
+from deltaopt.planning.switching.active_set import ActiveSetUpdate
 from deltaopt.planning.switching.arc_mesh import ArcMesh
 from deltaopt.planning.switching.conditions import OptimalityConditions
 from deltaopt.planning.switching.detection import detect_structure
@@ -184,7 +184,7 @@ def test_one_motor_with_one_coordinate():
     found = solve_conditions(conditions, Trajectory(position, UnitMass()), scaling).point
     assert found.duration * scaling.time == pytest.approx(line.duration, rel=1e-9)
     np.testing.assert_allclose(KKTSystem(conditions, found).hamiltonian, -1, atol=1e-9)
-    assert changes(OptimalityResiduals(conditions, found, 5e-9)) == []
+    assert ActiveSetUpdate(OptimalityResiduals(conditions, found, 5e-9)).changes == []
 
 
 def _one_coordinate(constraints: Constraints) -> Parameters:
