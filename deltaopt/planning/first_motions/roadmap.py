@@ -212,7 +212,7 @@ def _rounded(path: Array, width: int) -> Array:
 def _motion(scene: Scene, path: Array) -> Trajectory:
     """The motion along samples of a path, at rest at both ends, in 1 s."""
     u = np.linspace(0, 1, len(path))
-    share, rate = polyval(u, QUINTIC), polyval(u, polyder(QUINTIC))
+    share, rate = (np.asarray(polyval(u, each)) for each in (QUINTIC, polyder(QUINTIC)))
     slope = np.asarray(np.gradient(path, u, axis=0))
     x = np.stack([np.interp(share, u, path[:, i]) for i in range(3)], axis=1)
     v = np.stack([np.interp(share, u, slope[:, i]) for i in range(3)], axis=1) * rate[:, None]
