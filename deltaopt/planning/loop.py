@@ -61,7 +61,7 @@ smaller gaps are not the first motion's fault, and planning again seldom changes
 _IMPROVED, _SHORTER = 4, 1e-4
 """How many plans of a kind at most begin with the motion found, each with that of the one before;
 and by what share each must be shorter, or else tell a smaller gap."""
-_TOLD = 2
+_TOLD = 3
 """Of how many motions at most it is said what is in their way: those in whose way is least, of each
 name one."""
 _DIGITS = 9
