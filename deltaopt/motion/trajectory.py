@@ -218,7 +218,8 @@ class Trajectory:
         aside = np.zeros((len(own), max(own.shape[1], len(bump)), 3))
         aside[:, : own.shape[1]] = own
         aside[:, : len(bump)] += bump.T[:, :, None] * way
-        return replace(self, position=PiecewisePolynomial(self.knots, aside))
+        position = PiecewisePolynomial(self.knots, aside)
+        return replace(self, position=position, coordinates=None)
 
     def then(self, other: Trajectory) -> Trajectory:
         """This motion and another from where it ends, as far as the platform's path tells it."""
