@@ -206,6 +206,14 @@ class Record(BaseModel, metaclass=_Listed):
                     raise SceneError(None, key, None, str(field.description), "is missing")
         return content
 
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        self._require_consistent()
+        return self
+
+    def _require_consistent(self) -> None:
+        """Raise SceneError where fields that are right one by one do not go together."""
+
     @classmethod
     def _nearest(cls, key: str) -> str:
         near = difflib.get_close_matches(key, cls._keys(), n=1)

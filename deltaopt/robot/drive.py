@@ -58,14 +58,12 @@ class Friction(Record):
         given = content.get("speed")
         return {**content, "speed": _SIGN_CHANGES_WITHIN if given is None else given}
 
-    @model_validator(mode="after")
-    def _parts_fit(self) -> Self:
+    def _require_consistent(self) -> None:
         if self.viscous is None and self.coulomb is None:
             expected = "viscous (N·m·s/rad), coulomb (N·m) or both"
             raise SceneError(None, "", None, expected, "names no friction")
         if self.coulomb is None and self.speed is not None:
             raise SceneError(None, "speed", self.speed, "coulomb beside it, which it belongs to")
-        return self
 
 
 class Drive(Record):
@@ -125,11 +123,9 @@ class Drive(Record):
                 raise SceneError(None, "motor", value, expected, problem) from None
         return {**content, **parts, **reduced}
 
-    @model_validator(mode="after")
-    def _curve_falls(self) -> Self:
+    def _require_consistent(self) -> None:
         if self.torque_curve is not None:
             require_torque_curve(self.torque_curve, min(per_motor(self.torque)), "torque_curve")
-        return self
 
     @model_serializer(mode="wrap")
     def _write_what_was_given(self, rest: SerializerFunctionWrapHandler) -> dict[str, object]:

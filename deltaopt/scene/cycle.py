@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -81,8 +81,7 @@ class Cycle(Record):
                 raise SceneError(None, key, dwell, EXPECTED_DWELL, error.problem) from None
         return {**content, "dwells": dwells}
 
-    @model_validator(mode="after")
-    def _is_closed(self) -> Self:
+    def _require_consistent(self) -> None:
         if len(self.dwells) != len(self.legs):
             raise SceneError(None, "dwells", list(self.dwells), f"{len(self.legs)} of them")
         for index, scene in enumerate(self.legs):
@@ -111,7 +110,6 @@ class Cycle(Record):
         if isinstance(self.legs[-1].goal, Belt) and self.period is not None:
             expected = "none in a cycle that starts on a belt: parts follow when it is over"
             raise SceneError(None, "period", self.period, expected)
-        return self
 
     @property
     def on_belts(self) -> bool:

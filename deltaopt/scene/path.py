@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path as File
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -217,15 +217,13 @@ class Curve(GivenPath):
             for key, value in content.items()
         }
 
-    @model_validator(mode="after")
-    def _fits(self) -> Self:
+    def _require_consistent(self) -> None:
         if not (np.diff(self.s) > 0).all():
             raise SceneError(None, "s", self.s, "increasing parameters")
         for name in ("x", "dx", "ddx"):
             rows = getattr(self, name)
             if len(rows) != len(self.s):
                 raise SceneError(None, name, len(rows), f"{len(self.s)} rows, as many as s has")
-        return self
 
     @classmethod
     def of(
