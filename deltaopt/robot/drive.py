@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Self
 
-from pydantic import SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import SerializerFunctionWrapHandler, model_serializer
 
 from deltaopt.errors import SceneError
 from deltaopt.files.units import ANGULAR_SPEED, INERTIA, TORQUE, TORQUE_RATE, VISCOUS_FRICTION
@@ -50,10 +50,9 @@ class Friction(Record):
         f"changes its sign: {_SIGN_CHANGES_WITHIN:g} unless given"
     )
 
-    @model_validator(mode="before")
     @classmethod
-    def _changes_its_sign_within_a_speed(cls, content: Any) -> Any:
-        if not isinstance(content, dict) or content.get("coulomb") is None:
+    def _read(cls, content: dict[str, Any]) -> dict[str, Any]:
+        if content.get("coulomb") is None:
             return content
         given = content.get("speed")
         return {**content, "speed": _SIGN_CHANGES_WITHIN if given is None else given}
@@ -97,11 +96,8 @@ class Drive(Record):
         "peak_torque, nominal_torque, input_speed"
     )
 
-    @model_validator(mode="before")
     @classmethod
-    def _reduce_to_the_arm(cls, content: Any) -> Any:
-        if not isinstance(content, dict):
-            return content
+    def _read(cls, content: dict[str, Any]) -> dict[str, Any]:
         given = {key for key, value in content.items() if value is not None}
         if "motor" not in given:
             for key in given & {"brake", "gear"}:

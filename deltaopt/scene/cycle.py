@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from deltaopt.errors import SceneError
 from deltaopt.files.units import DURATION, TORQUE
@@ -65,11 +65,8 @@ class Cycle(Record):
 
     __str__ = __repr__
 
-    @model_validator(mode="before")
     @classmethod
-    def _with_all_dwells(cls, content: Any) -> Any:
-        if not isinstance(content, dict):
-            return content
+    def _read(cls, content: dict[str, Any]) -> dict[str, Any]:
         legs, dwells = content.get("legs"), content.get("dwells")
         if dwells is None and isinstance(legs, Sequence):
             dwells = (0.0,) * len(legs)

@@ -19,7 +19,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import BeforeValidator, Field, PlainSerializer, model_validator
+from pydantic import BeforeValidator, Field, PlainSerializer
 
 from deltaopt.curves.nodes import gauss
 from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, shifted
@@ -206,12 +206,9 @@ class Curve(GivenPath):
     dx: tuple[Triple, ...] = Field(description="dx/ds for each s")
     ddx: tuple[Triple, ...] = Field(description="d²x/ds² for each s")
 
-    @model_validator(mode="before")
     @classmethod
-    def _from_arrays(cls, content: Any) -> Any:
+    def _read(cls, content: dict[str, Any]) -> dict[str, Any]:
         """Arrays of numbers as tuples."""
-        if not isinstance(content, dict):
-            return content
         return {
             key: value.tolist() if isinstance(value, np.ndarray) else value
             for key, value in content.items()

@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
@@ -223,12 +223,9 @@ class Scene(Record):
         """The value of a key under ``limits``; None if the scene does not have it."""
         return getattr(self.limits, key, None)
 
-    @model_validator(mode="before")
     @classmethod
-    def _read(cls, content: Any) -> Any:
+    def _read(cls, content: dict[str, Any]) -> dict[str, Any]:
         """The keys of a scene file as the values of the fields."""
-        if not isinstance(content, dict):
-            return content
         read, least = dict(content), content.get("least_payload")
         if least is not None:
             read["payload"] = least, read.get("payload")
