@@ -249,13 +249,10 @@ class FlatProblem:
             p, share = scaling.parameters, np.ascontiguousarray(shares)
             soft = _widths(motion, scaling, mesh)
             return [Phase(mesh, p, share, states, total, cost.duration_is_given, known, soft)]
-        first, last = motion.knots[[0, -1]].tolist()
-        passes = scaling.passes(motion)
-        instants = [first, *passes.tolist(), last]
-        phases = []
+        instants, phases = scaling.instants(motion), []
         for own, (begin, end), p in zip(
-            parts(mesh, (passes - first) / motion.duration),
-            pairwise(instants),
+            parts(mesh, (instants[1:-1] - instants[0]) / motion.duration),
+            pairwise(instants.tolist()),
             scaling.parameters_in_phases,
             strict=True,
         ):
