@@ -7,7 +7,7 @@ import pytest
 
 from deltaopt import load_robot, load_scene
 from deltaopt.planning.first_motions.multistart import first_motions
-from deltaopt.planning.flat.flat_problem import FlatEquations
+from deltaopt.planning.flat.flat_problem import FlatProblem
 from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.nlp.problem import Formulated, Guess
 from deltaopt.planning.nlp.scaling import Scaling
@@ -56,6 +56,6 @@ def random_move(robot: str, number: int) -> Scene:
 
 CROSS = load_scene("problems/industrial_cross.yaml")
 machine_code = pytest.mark.skipif(
-    not isinstance(flat_equations(CROSS), FlatEquations),
+    not isinstance(flat_equations(CROSS)(np.full(2, 0.5)), FlatProblem),
     reason="without a compiler meshes end at 300 intervals",
 )

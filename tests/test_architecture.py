@@ -91,7 +91,6 @@ say, and the trajectory, which is data. Peaks, time scaling and effort it comput
 KNOW_THE_DELTA = {
     "limits.links",
     "scene.links",
-    "planning.links_clear",
     "verify.clearance",
 }
 """Modules between a robot and a verified plan that know arms and forearms: all else knows a

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from deltaopt.errors import SceneError, shown
 from deltaopt.files.csv_table import WrongCsv, read_csv
@@ -32,11 +32,9 @@ class Change(Record):
     most: Number = Field(description="a number in SI units, greater than least")
     price: Number = Field(default=0.0, description="what one of its unit costs")
 
-    @model_validator(mode="after")
-    def _has_room(self) -> Self:
+    def _require_consistent(self) -> None:
         if not self.least < self.most:
             raise SceneError(None, "most", self.most, f"a number greater than {self.least:g}")
-        return self
 
 
 class Catalogue(Record):

@@ -66,8 +66,12 @@ def solve_scalars(A: SX, B: SX) -> SX:
 
 
 class _SingularDirections(ca.Callback):
-    """``singular_directions``, evaluated by LAPACK at run time: it neither expands to scalars nor
-    has derivatives but differences."""
+    """A -> A⁺ (columns × rows), N (columns × free) with A N as small as can be, NᵀN = 1.
+
+    N are the directions of the ``free`` smallest singular values; A⁺ inverts A across them and
+    across whatever else has a singular value below ``tolerance`` times the largest. Evaluated by
+    LAPACK at run time: it neither expands to scalars nor has derivatives but differences.
+    """
 
     def __init__(self, rows: int, columns: int, free: int, tolerance: float) -> None:
         super().__init__()
@@ -96,12 +100,5 @@ class _SingularDirections(ca.Callback):
         return [(V_T[:rank].T / sigma[:rank]) @ U[:, :rank].T, V_T[across:].T]
 
 
-@cache
-def singular_directions(rows: int, columns: int, free: int, tolerance: float) -> ca.Function:
-    """A -> A⁺ (columns × rows), N (columns × free) with A N as small as can be, NᵀN = 1.
-
-    N are the directions of the ``free`` smallest singular values; A⁺ inverts A across them
-    and across whatever else has a singular value below ``tolerance`` times the largest.
-    Cached, for CasADi does not keep what it calls back alive.
-    """
-    return _SingularDirections(rows, columns, free, tolerance)
+singular_directions = cache(_SingularDirections)
+"""Cached, for CasADi does not keep what it calls back alive."""

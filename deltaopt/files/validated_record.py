@@ -196,15 +196,30 @@ class Record(BaseModel, metaclass=_Listed):
 
     @model_validator(mode="before")
     @classmethod
-    def _check_keys(cls, content: Any) -> Any:
-        if isinstance(content, dict):
-            for key, value in content.items():
-                if key not in cls.model_fields:
-                    raise SceneError(None, key, value, cls._nearest(key), "is not a known key")
-            for key, field in cls.model_fields.items():
-                if field.is_required() and key not in content:
-                    raise SceneError(None, key, None, str(field.description), "is missing")
+    def _with_known_keys(cls, content: Any) -> Any:
+        if not isinstance(content, dict):
+            return content
+        read = cls._read(content)
+        for key, value in read.items():
+            if key not in cls.model_fields:
+                raise SceneError(None, key, value, cls._nearest(key), "is not a known key")
+        for key, field in cls.model_fields.items():
+            if field.is_required() and key not in read:
+                raise SceneError(None, key, None, str(field.description), "is missing")
+        return read
+
+    @classmethod
+    def _read(cls, content: dict[str, Any]) -> dict[str, Any]:
+        """The values of the fields from the keys that a file may have. Raises SceneError."""
         return content
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        self._require_consistent()
+        return self
+
+    def _require_consistent(self) -> None:
+        """Raise SceneError where fields that are right one by one do not go together."""
 
     @classmethod
     def _nearest(cls, key: str) -> str:

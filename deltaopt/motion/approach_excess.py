@@ -9,7 +9,7 @@ from deltaopt.curves.bernstein import control_points_of
 from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.curves.roots import real_roots
 from deltaopt.limits.limit import PhasedLimit
-from deltaopt.motion.trajectory import Trajectory, passes
+from deltaopt.motion.trajectory import Trajectory, boundary_instants
 from deltaopt.problem.problem import Problem
 
 
@@ -56,7 +56,7 @@ def _phases(
     assert limits.phased is not None
     limit = limits.phased.limit
     begins = trajectory.knots[:-1]
-    passed = np.array(passes(problem, trajectory))
+    passed = boundary_instants(problem, trajectory)[1:-1]
     in_phases = limits.in_phases(len(passed) + 1)[:, limits.phased.numbers]
     phase = (begins >= passed[:, None]).sum(axis=0)
     return limit, [(numbers, phase == k) for k, numbers in enumerate(in_phases)]

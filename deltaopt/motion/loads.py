@@ -291,7 +291,7 @@ def _demands(
         wanted = ca.fabs(moving) if lower and upper else ca.fmax(moving if upper else -moving, 0)
         share = wanted / ca.fmax(room, _NOTHING)
         slower.append(_power(share, int(exponents[i])))
-        beyond = ca.fabs(static) if lower and upper else static if upper else -static
+        beyond = _size(static, lower, upper)
         if not static.is_zero():
             faster.append(ca.fmax(beyond - 1, 0) / ca.fmax(ca.fabs(moving), _NOTHING))
     sampled = np.flatnonzero(constraints.sampled_places).tolist()

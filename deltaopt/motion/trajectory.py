@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -238,37 +237,25 @@ def moving_on(problem: Problem, trajectory: Trajectory) -> Trajectory:
     return replace(trajectory, end_velocities=velocities)
 
 
-def passes(problem: Problem, trajectory: Trajectory) -> Array:
-    """When a motion passes from phase to phase, (n,), s: at the knots that are nearest
-    to via points, also where these are centres of spheres, in their order, neither the first nor
-    the last; with an approach at the first knot as high as it asks for at the start, and the last
-    as high as it asks for at the goal."""
-    x = trajectory.position.coefficients[:, 0]
-    gates = problem.gates
+def boundary_instants(problem: Problem, trajectory: Trajectory) -> Array:
+    """When a motion is at each of a problem's boundaries, (n,), s: at its first knot and its last,
+    and between them at the knots that are nearest to via points, also where these are centres of
+    spheres, in their order; with an approach at the first knot as high as it asks for at the start,
+    and the last as high as it asks for at the goal."""
+    x, knots, gates = trajectory.position.coefficients[:, 0], trajectory.knots, problem.gates
     if any(any(gate.free) for gate in gates):
         levels = (gate.position[0] for gate in gates)
         up, down = (np.flatnonzero(x[1:, 0] <= level + _AS_HIGH) + 1 for level in levels)
         first, last = (up[0], down[-1]) if len(up) and len(down) else (len(x), len(x))
-        return trajectory.knots[[first, min(max(last, first + 1), len(x))]]
-    knots, found, first = trajectory.knots, list[float](), 1
+        return knots[[0, first, min(max(last, first + 1), len(x)), -1]]
+    found, first = [0], 1
     for number, point in enumerate(gates):
         left = len(gates) - number - 1  # that need a knot each
         away = np.linalg.norm(x[first : len(x) - left] - point.position, axis=1)
         first += int(away.argmin())
-        found.append(float(knots[first]))
+        found.append(first)
         first += 1
-    return np.array(found)
-
-
-def phase_durations(problem: Problem, trajectory: Trajectory) -> tuple[float, ...]:
-    """Durations of the phases of a motion, s: from each given point to the next, which are its
-    start, via points or where an approach ends upwards, and its goal. None of a motion with fewer
-    intervals."""
-    if len(trajectory.knots) <= len(problem.gates) + 1:
-        return ()
-    begin, end = trajectory.knots[[0, -1]].tolist()
-    at = [begin, *passes(problem, trajectory).tolist(), end]
-    return tuple(b - a for a, b in pairwise(at))
+    return knots[[*found, -1]]
 
 
 def start_of(position: PiecewisePolynomial) -> Vector3:

@@ -23,7 +23,7 @@ from deltaopt.errors import ENDS_AN_ATTEMPT, Infeasible, if_possible
 from deltaopt.limits.running_cost import Running
 from deltaopt.motion.motion_sequence import waiting
 from deltaopt.motion.running_cost import cost as cost_of
-from deltaopt.motion.trajectory import Trajectory, goal_of, passes
+from deltaopt.motion.trajectory import Trajectory, boundary_instants, goal_of
 from deltaopt.planning.first_motions.initial_motion import waiting_motions
 from deltaopt.planning.nlp.phases import own_mesh
 from deltaopt.planning.nlp.problem import FASTEST, SMOOTHLY_FASTEST, Cost, Formulated, Guess
@@ -120,8 +120,7 @@ def in_longer_time(problem: Problem, fastest: Trajectory, duration: float) -> Tr
     v *= speed[:, None]
     knots = duration * u
     slower = Trajectory(PiecewisePolynomial.hermite(knots, x, v), fastest.model)
-    goal, between = goal_of(problem, slower), passes(problem, slower)
-    begin = between[-1] if len(between) else 0.0
+    goal, begin = goal_of(problem, slower), boundary_instants(problem, slower)[-2]
     shift = np.array([np.zeros(3), goal.position - x[-1]])
     last = PiecewisePolynomial.hermite(np.array([begin, duration]), shift, np.zeros((2, 3)))
     own = knots >= begin

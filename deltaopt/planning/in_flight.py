@@ -9,7 +9,7 @@ from math import dist, inf
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import NO_PLAN, if_possible
 from deltaopt.motion.time_scaling import highest_rows
-from deltaopt.motion.trajectory import Trajectory, moving_on, off_its_ends, passes
+from deltaopt.motion.trajectory import Trajectory, boundary_instants, moving_on, off_its_ends
 from deltaopt.planning.first_motions.around_bodies import is_clear
 from deltaopt.planning.first_motions.moving_ends import from_end_of
 from deltaopt.planning.mesh.kept_limits import KEPT
@@ -99,7 +99,7 @@ def _is_asked_for(problem: Problem, motion: Trajectory) -> bool:
     """Whether the motion under way passes the via points of a problem and ends as that asks."""
     if len(motion.knots) < len(problem.boundaries):
         return False
-    places = motion.position.at(passes(problem, motion))
+    places = motion.position.at(boundary_instants(problem, motion)[1:-1])
     off = [dist(x, via.position) - via.within for x, via in zip(places, problem.gates, strict=True)]
     return max([off_its_ends(problem, motion), *off]) < _NO_WAY
 

@@ -21,9 +21,8 @@ from deltaopt.motion.limit_sensitivity import Multipliers
 from deltaopt.motion.links import least_rooms
 from deltaopt.planning.plan import Plan, quicker
 from deltaopt.robot.model import delta_model
-from deltaopt.robot.robot import as_delta
-from deltaopt.scene.bodies import solid_about, sums
-from deltaopt.scene.links import name_of, rooms_at, rooms_of_arms
+from deltaopt.scene.bodies import solids_about
+from deltaopt.scene.links import kept_from_bodies, name_of, rooms_at, rooms_of_arms
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath
 
@@ -71,8 +70,8 @@ def keeping_links_clear(
     """
     at_points = rooms_at(scene, np.array(scene.placed_points)).min(axis=0)
     usual = min(max(_SPARE * tolerance, _LEAST_SPARE), _MOST_SPARE)
-    roundings = [solid_about(body).radius for _, body in sums(scene.keep_out or (), None)]
-    spare, plans = Spare(), 0
+    roundings = [body.radius for body in solids_about(scene.keep_out or ())]
+    least, spare, plans = kept_from_bodies(scene).tolist(), Spare(), 0
     while True:
         found = planned(_limited(scene, spare))
         plans += 1
@@ -95,7 +94,7 @@ def keeping_links_clear(
             raise Infeasible(in_the_way)
         report(f"once more, for {missed}:")
         for pair in _pairs(rooms < _NEAR):
-            begun = max(usual, _ROUND - _least(scene, pair[0]) - roundings[pair[1]])
+            begun = max(usual, _ROUND - least[pair[0]] - roundings[pair[1]])
             farther = _FACTOR * max(-rooms[pair], 0.0)
             wanted = spare[pair] + farther if pair in spare else begun
             spare[pair] = min(wanted, at_points[pair] / 2)
@@ -148,8 +147,9 @@ def _nearer(
 def _limited(scene: Scene, spare: Spare) -> Scene:
     """The scene with what is planned for pairs of a link and a body: the least distance of the
     link's line, m."""
-    least = ((link, body, _least(scene, link) + more) for (link, body), more in spare.items())
-    return scene.model_copy(update={"planned_links": tuple(least)})
+    least = kept_from_bodies(scene).tolist()
+    planned = ((link, body, least[link] + more) for (link, body), more in spare.items())
+    return scene.model_copy(update={"planned_links": tuple(planned)})
 
 
 def _cost(multipliers: Multipliers | None, spare: Spare) -> float:
@@ -162,11 +162,6 @@ def _cost(multipliers: Multipliers | None, spare: Spare) -> float:
     rows = next(own for limit, own in parts if limit.own_measure is OwnMeasure.LINKS)
     growth = multipliers.of_rows()[rows] / multipliers.limits.scales[rows]
     return float(growth[: len(spare)] @ list(spare.values()))
-
-
-def _least(scene: Scene, link: int) -> float:
-    """The distance of a link's line that is asked for, m."""
-    return as_delta(scene.robot).link_radius(link) + scene.least_clearance
 
 
 def _pairs(which: Truths) -> list[tuple[int, int]]:

@@ -10,6 +10,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
+
 from deltaopt.errors import Infeasible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.later import loaded
@@ -17,7 +19,7 @@ from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.limit_sensitivity import LimitSensitivity, Multipliers, limit_sensitivities
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.running_cost import cost as cost_of
-from deltaopt.motion.trajectory import Trajectory, end_of, moving_on, phase_durations
+from deltaopt.motion.trajectory import Trajectory, boundary_instants, end_of, moving_on
 from deltaopt.planning.journal import Entry
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
@@ -147,8 +149,11 @@ class Plan:
     @property
     def phases(self) -> tuple[float, ...]:
         """Durations, s, from each given point to the next: start, via points or where an approach
-        ends upwards, goal."""
-        return phase_durations(problem_of(self.scene), self.trajectory)
+        ends upwards, goal. None of a motion with fewer intervals."""
+        problem = problem_of(self.scene)
+        if len(self.trajectory.knots) < len(problem.boundaries):
+            return ()
+        return tuple(np.diff(boundary_instants(problem, self.trajectory)).tolist())
 
     @property
     def cost(self) -> float:

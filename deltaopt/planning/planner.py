@@ -312,7 +312,7 @@ def _state_of(motion: Motion, with_acceleration: bool = False) -> State:
         raise ValueError(f"start has {len(motion.t)} instants; one is needed: motion.first")
     trajectory, v = motion.under_way, motion.v
     if trajectory is not None:
-        speeds = np.linalg.norm(trajectory.position.derivative().at(trajectory.knots), axis=1)
+        speeds = np.linalg.norm(trajectory.position.at(trajectory.knots, 1), axis=1)
         v = np.where(np.linalg.norm(v) <= _AT_REST * speeds.max(), 0.0, v)
     acceleration = tuple(motion.a.tolist()) if with_acceleration else None
     at, velocity = tuple(motion.x.tolist()), tuple(v.tolist())

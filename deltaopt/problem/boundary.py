@@ -41,11 +41,6 @@ class Boundary:
         free = (place[0] is None, place[1] is None, place[2] is None)
         return cls((x, y, z), free=free, is_passed=True, within=within)
 
-    @classmethod
-    def on_belt(cls, position: Vector3, belt: Vector3) -> Boundary:
-        """A point that moves, met at its own velocity."""
-        return cls(position, belt, belt=belt)
-
     @property
     def moves(self) -> bool:
         """Whether the place itself moves."""
@@ -85,3 +80,7 @@ class Boundary:
             return self
         there = np.add(self.position, np.multiply(duration, self.belt))
         return Boundary(vector3(there), self.velocity)
+
+
+ANYWHERE = Boundary.passed((None, None, None))
+"""Any place, passed at any velocity: phases meet there that differ in their limits alone."""

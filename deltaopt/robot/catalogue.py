@@ -15,10 +15,10 @@ the arm; that losses help to brake is not credited.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Self
+from typing import Annotated
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from deltaopt.errors import SceneError
 from deltaopt.files.units import EFFICIENCY, MOTOR_SPEED, MOTOR_TORQUE, RATIO, ROTOR_INERTIA, TORQUE
@@ -70,12 +70,10 @@ class Motor(Record):
     inertia: Annotated[NonNegative, ROTOR_INERTIA] | None = None
     curve: CurvePoints | None = optional(CURVE)
 
-    @model_validator(mode="after")
-    def _torques_fit(self) -> Self:
+    def _require_consistent(self) -> None:
         _require_at_most_peak("rated_torque", self.rated_torque, self.peak_torque)
         if self.curve is not None:
             require_torque_curve(self.curve, self.peak_torque, "curve")
-        return self
 
 
 class Brake(Record):
@@ -110,10 +108,8 @@ class Gear(Record):
         "an angular speed in rad/s at the motor, greater than 0"
     )
 
-    @model_validator(mode="after")
-    def _torques_fit(self) -> Self:
+    def _require_consistent(self) -> None:
         _require_at_most_peak("nominal_torque", self.nominal_torque, self.peak_torque)
-        return self
 
 
 @dataclass(frozen=True)

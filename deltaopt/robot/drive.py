@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Self
 
-from pydantic import SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import SerializerFunctionWrapHandler, model_serializer
 
 from deltaopt.errors import SceneError
 from deltaopt.files.units import ANGULAR_SPEED, INERTIA, TORQUE, TORQUE_RATE, VISCOUS_FRICTION
@@ -50,22 +50,19 @@ class Friction(Record):
         f"changes its sign: {_SIGN_CHANGES_WITHIN:g} unless given"
     )
 
-    @model_validator(mode="before")
     @classmethod
-    def _changes_its_sign_within_a_speed(cls, content: Any) -> Any:
-        if not isinstance(content, dict) or content.get("coulomb") is None:
+    def _read(cls, content: dict[str, Any]) -> dict[str, Any]:
+        if content.get("coulomb") is None:
             return content
         given = content.get("speed")
         return {**content, "speed": _SIGN_CHANGES_WITHIN if given is None else given}
 
-    @model_validator(mode="after")
-    def _parts_fit(self) -> Self:
+    def _require_consistent(self) -> None:
         if self.viscous is None and self.coulomb is None:
             expected = "viscous (N·m·s/rad), coulomb (N·m) or both"
             raise SceneError(None, "", None, expected, "names no friction")
         if self.coulomb is None and self.speed is not None:
             raise SceneError(None, "speed", self.speed, "coulomb beside it, which it belongs to")
-        return self
 
 
 class Drive(Record):
@@ -99,11 +96,8 @@ class Drive(Record):
         "peak_torque, nominal_torque, input_speed"
     )
 
-    @model_validator(mode="before")
     @classmethod
-    def _reduce_to_the_arm(cls, content: Any) -> Any:
-        if not isinstance(content, dict):
-            return content
+    def _read(cls, content: dict[str, Any]) -> dict[str, Any]:
         given = {key for key, value in content.items() if value is not None}
         if "motor" not in given:
             for key in given & {"brake", "gear"}:
@@ -125,11 +119,9 @@ class Drive(Record):
                 raise SceneError(None, "motor", value, expected, problem) from None
         return {**content, **parts, **reduced}
 
-    @model_validator(mode="after")
-    def _curve_falls(self) -> Self:
+    def _require_consistent(self) -> None:
         if self.torque_curve is not None:
             require_torque_curve(self.torque_curve, min(per_motor(self.torque)), "torque_curve")
-        return self
 
     @model_serializer(mode="wrap")
     def _write_what_was_given(self, rest: SerializerFunctionWrapHandler) -> dict[str, object]:

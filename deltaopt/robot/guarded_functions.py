@@ -136,7 +136,5 @@ def _result(function: ca.Function, i: int) -> ca.Function:
     return ca.Function(function.name_out(i), inputs, [function.call(inputs)[i]])
 
 
-@lru_cache(maxsize=64)
-def guarded_functions(functions: DeltaFunctions) -> GuardedFunctions:
-    """The guarded functions of all models with these functions, compiled once in a process."""
-    return GuardedFunctions(functions)
+guarded_functions = lru_cache(maxsize=64)(GuardedFunctions)
+"""The guarded functions of all models with the same functions, compiled once in a process."""

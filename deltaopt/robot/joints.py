@@ -12,11 +12,11 @@ comes from one passes here.
 from __future__ import annotations
 
 from math import pi
-from typing import Annotated, Self
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
@@ -52,12 +52,10 @@ class Joints(Record):
         "an angle in rad, greater than 0 and less than π/2"
     )
 
-    @model_validator(mode="after")
-    def _arm_is_a_range(self) -> Self:
+    def _require_consistent(self) -> None:
         if self.arm is not None and self.arm[0] >= self.arm[1]:
             expected = str(type(self).model_fields["arm"].description)
             raise SceneError(None, "arm", self.arm, expected)
-        return self
 
     @property
     def zeros(self) -> Array:

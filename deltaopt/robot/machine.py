@@ -13,12 +13,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import TYPE_CHECKING, Annotated
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import model_validator
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
@@ -50,15 +49,13 @@ class Workspace(Record):
     )
     radius: Annotated[Positive, LENGTH] | None = None
 
-    @model_validator(mode="after")
-    def _is_somewhere(self) -> Self:
+    def _require_consistent(self) -> None:
         if self.depth is not None and self.depth[0] >= self.depth[1]:
             expected = str(type(self).model_fields["depth"].description)
             raise SceneError(None, "depth", self.depth, expected)
         if self.depth is not None and self.depth[1] <= 0:
             expected = "depths in m below the base, positive: x points down from its centre"
             raise SceneError(None, "depth", self.depth, expected)
-        return self
 
 
 class Machine(Record):

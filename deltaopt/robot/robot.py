@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from math import hypot
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
+from pydantic import BeforeValidator, Field, SerializeAsAny
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
@@ -77,14 +77,12 @@ class Forearm(Record):
     )
     radius: Annotated[Positive, WIDTH] | None = optional(_RADIUS)
 
-    @model_validator(mode="after")
-    def _inertia_is_of_a_body(self) -> Self:
+    def _require_consistent(self) -> None:
         # I₁ = Σ m (y² + z²) and so on: none exceeds the other two together.  For a slender bar
         # two are equal and the third is 0, so rounding must be allowed for.
         if self.inertia and 2 * max(self.inertia) > sum(self.inertia) * (1 + 1e-9):
             expected = "moments in kg·m² of which none exceeds the sum of the other two"
             raise SceneError(None, "inertia", self.inertia, expected)
-        return self
 
 
 class Platform(Record):
@@ -202,8 +200,7 @@ class Robot(Machine):
         folded, stretched = lengths
         return np.array([folded + depth * (stretched - folded), 0.0, 0.0]) + self.tool_offset
 
-    @model_validator(mode="after")
-    def _loops_can_close(self) -> Self:
+    def _require_consistent(self) -> None:
         # Let the platform's centre be p and u_k its horizontal component along chain k's
         # azimuth.  In the arm's plane, the parallelogram's lower end is then u_k − d from the
         # motor's axis radially, d = base_radius − platform_radius.  If the chain closes, that
@@ -221,7 +218,6 @@ class Robot(Machine):
                 f"{self.upper_arm.length:g} leave to bridge"
             )
             raise SceneError(None, "forearm.length", self.forearm.length, expected)
-        return self
 
 
 def as_delta(robot: Machine) -> Robot:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from math import dist
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar
 
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, create_model
 
 from deltaopt.errors import SceneError
 from deltaopt.files.units import EXTENT, LENGTH, MASS, WIDTH
@@ -68,12 +68,10 @@ class Box(Between):
         (2.0, 0.1, 1.0)
     """
 
-    @model_validator(mode="after")
-    def _has_sides(self) -> Self:
+    def _require_consistent(self) -> None:
         if any(a == b for a, b in zip(*self.ends, strict=True)):
             expected = "a corner in m that differs from the corner from in every coordinate"
             raise SceneError(None, "to", self.to, expected)
-        return self
 
     @property
     def half(self) -> Vector3:
@@ -86,11 +84,9 @@ class Along(Between):
 
     radius: Annotated[Positive, LENGTH]
 
-    @model_validator(mode="after")
-    def _has_length(self) -> Self:
+    def _require_consistent(self) -> None:
         if getattr(self, "from") == self.to:
             raise SceneError(None, "to", self.to, _OTHER)
-        return self
 
     @property
     def length(self) -> float:
@@ -117,13 +113,11 @@ class OneOf(Record):
         """Its value."""
         return getattr(self, self.given)
 
-    @model_validator(mode="after")
-    def _is_one(self) -> Self:
+    def _require_consistent(self) -> None:
         given = [name for name, value in self if value is not None]
         if len(given) != 1:
             problem = f"has {' and '.join(given)}" if given else "is empty"
             raise SceneError(None, "", given, self.kinds, problem)
-        return self
 
 
 class Shape(OneOf):
@@ -155,9 +149,7 @@ class Tool(Record):
         f"a list of shapes about the tool's point, each {_SHAPES}"
     )
 
-    @model_validator(mode="after")
-    def _has_one_extent(self) -> Self:
+    def _require_consistent(self) -> None:
         if self.radius is not None and self.shapes is not None:
             expected = "either radius or shapes"
             raise SceneError(None, "shapes", self.shapes, expected, "is given beside radius")
-        return self

@@ -16,10 +16,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 from math import hypot
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError, in_words
@@ -67,11 +67,9 @@ class HalfSpace(Record):
         """The point that is given, m."""
         return self.point
 
-    @model_validator(mode="after")
-    def _has_a_direction(self) -> Self:
+    def _require_consistent(self) -> None:
         if not any(self.normal):
             raise SceneError(None, "normal", self.normal, "a vector [x, y, z], not zero")
-        return self
 
 
 class Hull(Record):
@@ -90,13 +88,11 @@ class Hull(Record):
         """The mean of its points, m."""
         return vector3(np.mean(self.points, axis=0))
 
-    @model_validator(mode="after")
-    def _has_volume(self) -> Self:
+    def _require_consistent(self) -> None:
         try:
             convex_hull(np.array(self.points, dtype=float).reshape(-1, 3), MOST_TRIANGLES)
         except NoHull as error:
             raise SceneError(None, "points", len(self.points), str(error)) from None
-        return self
 
 
 class Body(OneOf):

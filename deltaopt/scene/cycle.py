@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from deltaopt.errors import SceneError
 from deltaopt.files.units import DURATION, TORQUE
@@ -65,11 +65,8 @@ class Cycle(Record):
 
     __str__ = __repr__
 
-    @model_validator(mode="before")
     @classmethod
-    def _with_all_dwells(cls, content: Any) -> Any:
-        if not isinstance(content, dict):
-            return content
+    def _read(cls, content: dict[str, Any]) -> dict[str, Any]:
         legs, dwells = content.get("legs"), content.get("dwells")
         if dwells is None and isinstance(legs, Sequence):
             dwells = (0.0,) * len(legs)
@@ -81,8 +78,7 @@ class Cycle(Record):
                 raise SceneError(None, key, dwell, EXPECTED_DWELL, error.problem) from None
         return {**content, "dwells": dwells}
 
-    @model_validator(mode="after")
-    def _is_closed(self) -> Self:
+    def _require_consistent(self) -> None:
         if len(self.dwells) != len(self.legs):
             raise SceneError(None, "dwells", list(self.dwells), f"{len(self.legs)} of them")
         for index, scene in enumerate(self.legs):
@@ -111,7 +107,6 @@ class Cycle(Record):
         if isinstance(self.legs[-1].goal, Belt) and self.period is not None:
             expected = "none in a cycle that starts on a belt: parts follow when it is over"
             raise SceneError(None, "period", self.period, expected)
-        return self
 
     @property
     def on_belts(self) -> bool:

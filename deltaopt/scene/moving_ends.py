@@ -66,8 +66,8 @@ class Belt(Record):
 
     @property
     def end(self) -> Boundary:
-        """The goal as a task has it: a belt that stands still is a point."""
-        return Boundary(self.at) if self.belt == REST else Boundary.on_belt(self.at, self.belt)
+        """The goal as a task has it: a point that moves, met at its own velocity."""
+        return Boundary(self.at, self.belt, belt=self.belt)
 
     def after(self, duration: float) -> Belt:
         """The belt as it is when it has moved on for so long, s."""

@@ -15,9 +15,9 @@ In the place of effort may stand jerk, ∫ ‖d³x/dt³‖² dt of the platform,
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from deltaopt.errors import SceneError, inside
 from deltaopt.files.units import (
@@ -95,11 +95,9 @@ class _InTime(_Weighted):
         "a share of the fastest motion's duration, 1 at least", ge=1
     )
 
-    @model_validator(mode="after")
-    def _is_given_once(self) -> Self:
+    def _require_consistent(self) -> None:
         if (self.duration is None) == (self.of_fastest is None):
             raise SceneError(None, "duration", self.duration, EXPECTED_DURATION)
-        return self
 
     @property
     def functional(self) -> CostFunctional:
@@ -194,11 +192,9 @@ class TimeAndEfforts(_WithTime):
     def functional(self) -> CostFunctional:
         return CostFunctional(self.time, 1.0, self.rate, motors=self.effort)
 
-    @model_validator(mode="after")
-    def _counts_a_motor(self) -> Self:
+    def _require_consistent(self) -> None:
         if not any(self.effort):
             raise SceneError(None, "effort", self.effort, "a weight above 0 for some motor")
-        return self
 
     def __str__(self) -> str:
         weights = ", ".join(f"{weight:g}" for weight in self.effort)

@@ -15,11 +15,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path as File
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import BeforeValidator, Field, PlainSerializer, model_validator
+from pydantic import BeforeValidator, Field, PlainSerializer
 
 from deltaopt.curves.nodes import gauss
 from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, shifted
@@ -206,26 +206,21 @@ class Curve(GivenPath):
     dx: tuple[Triple, ...] = Field(description="dx/ds for each s")
     ddx: tuple[Triple, ...] = Field(description="d²x/ds² for each s")
 
-    @model_validator(mode="before")
     @classmethod
-    def _from_arrays(cls, content: Any) -> Any:
+    def _read(cls, content: dict[str, Any]) -> dict[str, Any]:
         """Arrays of numbers as tuples."""
-        if not isinstance(content, dict):
-            return content
         return {
             key: value.tolist() if isinstance(value, np.ndarray) else value
             for key, value in content.items()
         }
 
-    @model_validator(mode="after")
-    def _fits(self) -> Self:
+    def _require_consistent(self) -> None:
         if not (np.diff(self.s) > 0).all():
             raise SceneError(None, "s", self.s, "increasing parameters")
         for name in ("x", "dx", "ddx"):
             rows = getattr(self, name)
             if len(rows) != len(self.s):
                 raise SceneError(None, name, len(rows), f"{len(self.s)} rows, as many as s has")
-        return self
 
     @classmethod
     def of(

@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
@@ -223,12 +223,9 @@ class Scene(Record):
         """The value of a key under ``limits``; None if the scene does not have it."""
         return getattr(self.limits, key, None)
 
-    @model_validator(mode="before")
     @classmethod
-    def _read(cls, content: Any) -> Any:
+    def _read(cls, content: dict[str, Any]) -> dict[str, Any]:
         """The keys of a scene file as the values of the fields."""
-        if not isinstance(content, dict):
-            return content
         read, least = dict(content), content.get("least_payload")
         if least is not None:
             read["payload"] = least, read.get("payload")
@@ -309,8 +306,7 @@ class Scene(Record):
         known = [key for key in super()._keys() if key not in NO_KEYS]
         return [*known, "duration", "tool"]
 
-    @model_validator(mode="after")
-    def _keys_go_together(self) -> Self:
+    def _require_consistent(self) -> None:
         at_rest, starts_moving = not self.moves_at_ends, self.ends[0].velocity != REST
         stops, is_time = isinstance(self.goal, Anywhere), isinstance(self.objective, Time)
         no_path, follows = self.path is None, self.follows_path
@@ -334,10 +330,9 @@ class Scene(Record):
         for key, expected, holds in rules:
             if getattr(self, key) is not None and not holds:
                 raise SceneError(None, key, self.model_dump()[key], expected)
-        return self
+        self._require_plannable()
 
-    @model_validator(mode="after")
-    def _can_be_planned(self) -> Self:
+    def _require_plannable(self) -> None:
         """What takes more than a look at which keys there are."""
         task = self.task
         if not self.has_rates:
@@ -359,4 +354,3 @@ class Scene(Record):
             raise SceneError(None, "keep_out", [], EXPECTED_BODIES, "is empty")
         require_limits_for_bodies(self.obstacles)
         require_keys_of_limits(self)
-        return self

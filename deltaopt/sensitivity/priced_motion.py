@@ -28,7 +28,7 @@ from deltaopt.motion.approach_excess import approach_rows
 from deltaopt.motion.extrema import everywhere
 from deltaopt.motion.loads import LoadsOfMotion
 from deltaopt.motion.running_cost import cost as cost_of
-from deltaopt.motion.trajectory import Trajectory, passes
+from deltaopt.motion.trajectory import Trajectory, boundary_instants
 from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.effort_planning import cost_to_minimise
 from deltaopt.planning.mesh.constraint_tightening import first_tightening
@@ -38,7 +38,7 @@ from deltaopt.planning.nlp.problem import Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
-from deltaopt.problem.boundary import Boundary
+from deltaopt.problem.boundary import ANYWHERE, Boundary
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
 from deltaopt.scene.scene import Scene
@@ -62,7 +62,6 @@ _ANOTHER = 1e-4
 _SHARP, _PAID = 1e-3, 1e-4
 """Radius of a sharp edge, m, and the price of a body that matters, share of the cost per scale."""
 _NOT_KNOWN = "is not priced point by point"
-_ANYWHERE = Boundary.passed((None, None, None))
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +115,7 @@ class PricedMotion:
     def _led_to(self, problem: Problem) -> PiecewisePolynomial:
         """The position, led to the boundaries of another problem."""
         position = self.motion.position
-        meet = passes(self.problem, self.motion)
-        instants = np.concatenate([position.knots[:1], meet, position.knots[-1:]])
+        instants = boundary_instants(self.problem, self.motion)
         boundaries = self.problem.boundaries, problem.boundaries
         each = zip(*boundaries, position.at(instants), instants.tolist(), strict=True)
         shifts = np.array([_shift(*one) for one in each])
@@ -243,5 +241,5 @@ def _with_switches(scaling: Scaling, motion: Trajectory) -> Scaling:
         return scaling
     numbers = np.tile(scaling.limits.numbers, (len(instants) + 1, 1))
     faces = np.zeros(int(scaling.constraints.convex.sum()), bool)  # of no body
-    phases = FacePhases(instants, (_ANYWHERE,) * len(instants), numbers, faces)
+    phases = FacePhases(instants, (ANYWHERE,) * len(instants), numbers, faces)
     return replace(scaling, faces=phases)

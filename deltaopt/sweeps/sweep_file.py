@@ -16,10 +16,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import chain, product
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, field_validator
 
 from deltaopt.errors import SceneError, installed
 from deltaopt.files.validated_record import Positive, Record, Text, optional
@@ -99,13 +99,11 @@ class Sweep(Record):
     def _in_si(cls, grid: dict[str, Any]) -> dict[str, Any]:
         return {key: _values(key, given) for key, given in grid.items()}
 
-    @model_validator(mode="after")
-    def _has_columns(self) -> Self:
+    def _require_consistent(self) -> None:
         known = {*self.headers, *FACTS}
         for key, given in (("column", self.column), *(("pareto", p) for p in self.pareto or ())):
             if given not in known:
                 raise SceneError(None, key, given, f"one of {', '.join(sorted(known))}")
-        return self
 
     @property
     def headers(self) -> list[str]:

@@ -152,4 +152,4 @@ def test_missing_mpmath_is_one_sentence(
         monkeypatch.delitem(sys.modules, module)
     monkeypatch.setitem(sys.modules, "mpmath", None)
     assert main(["compare", "dynamics"]) == 1
-    assert "digits: pip install -e '.[compare]' in the clone" in capsys.readouterr().err
+    assert "mpmath is not installed: pip install -e '.[compare]'" in capsys.readouterr().err

@@ -13,14 +13,9 @@ from typing import Any
 
 import casadi as ca
 
-from deltaopt.errors import MissingPackage, how_to_install
+from deltaopt.errors import installed
 
-try:
-    import mpmath
-except ImportError as error:
-    raise MissingPackage(
-        f"mpmath is needed to compute with many digits: {how_to_install('compare')}"
-    ) from error
+mpmath = installed("mpmath", "compare")
 
 Number = Any
 """An mpmath number (mpmath has no types)."""

@@ -83,7 +83,8 @@ class Case:
         """Return the rows of controls and of velocities inside the intervals, (N, 25, m) each."""
         rows, limits = self.rows(position), self.system.limits
         velocity = limits.of_order(1)
-        return ByOrder(rows[..., limits.is_control], rows[..., velocity] if velocity else None)
+        states = (None, rows[..., velocity] if velocity else None)
+        return ByOrder(rows[..., limits.is_control], states)
 
     def safe_factor(self, position: PiecewisePolynomial) -> float:
         """Return the smallest factor, at least 1, by which slowing the motion keeps all limits.

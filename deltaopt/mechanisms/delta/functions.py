@@ -138,7 +138,5 @@ class DeltaFunctions(Functions):
         return ca.Function("explicit_multipliers", [x, v, a, p], [forces])
 
 
-@lru_cache(maxsize=64)
-def delta_functions(terms: DeltaTerms, formulation: Formulation) -> DeltaFunctions:
-    """The functions of all models with these terms, derived once in a process."""
-    return DeltaFunctions(terms, formulation)
+delta_functions = lru_cache(maxsize=64)(DeltaFunctions)
+"""The functions of all models with the same terms, derived once in a process."""

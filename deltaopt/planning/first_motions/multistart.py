@@ -11,7 +11,7 @@ import numpy as np
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import RULED_OUT, if_possible
-from deltaopt.motion.trajectory import Trajectory, passes
+from deltaopt.motion.trajectory import Trajectory, boundary_instants
 from deltaopt.planning.first_motions.around_bodies import clear_motions
 from deltaopt.planning.first_motions.initial_motion import roughly_fastest
 from deltaopt.planning.first_motions.order_of_merit import first_motion, in_order_of_merit
@@ -67,8 +67,7 @@ def _bent(scene: Scene, known: Trajectory, seed: int, number: int) -> Iterator[T
     """A motion whose phases are bent at random, for so many guesses: it passes the same points as
     fast, at the same times where an end moves."""
     rng, problem = np.random.default_rng(seed), problem_of(scene)
-    begin, end = known.knots[[0, -1]].tolist()
-    phases = list(pairwise([begin, *passes(problem, known).tolist(), end]))
+    phases = list(pairwise(boundary_instants(problem, known).tolist()))
     u = np.linspace(0.0, 1.0, _KNOTS + 1)
     bump, slope = 64 * (u - u**2) ** 3, 192 * (u - u**2) ** 2 * (1 - 2 * u)
     knots = np.concatenate([t0 + u[i > 0 :] * (t1 - t0) for i, (t0, t1) in enumerate(phases)])

@@ -27,25 +27,20 @@ from deltaopt.planning.flat.equations import PointEquations
 class ByOrder(NamedTuple):
     """One number for each motor and limit, kept apart by the order of the limit: values of
     normalised rows, or their multipliers, which are positive at upper limits and negative at lower
-    ones. All arrays have the same shape (..., m); None where there is no limit of that order."""
+    ones. ``states``: of positions (order 0) and velocities (1). All arrays have the same shape
+    (..., m); None where there is no limit of that order."""
 
     control: Array
-    velocity: Array | None = None
-    position: Array | None = None
+    states: tuple[Array | None, ...] = (None, None)
 
     @classmethod
     def of(cls, constraints: Constraints, rows: Array) -> ByOrder:
         """From all constraint rows, (..., rows)."""
-        velocity, position = (constraints.of_order(order) for order in (1, 0))
+        states = [constraints.of_order(order) for order in (0, 1)]
         return cls(
             rows[..., constraints.is_control],
-            rows[..., velocity] if len(velocity) else None,
-            rows[..., position] if len(position) else None,
+            tuple(rows[..., own] if len(own) else None for own in states),
         )
-
-    def of_state(self, order: int) -> Array | None:
-        """The array of the state limits of order 0 (position) or 1 (velocity)."""
-        return self.velocity if order else self.position
 
 
 @dataclass(frozen=True)
@@ -98,16 +93,6 @@ class ConstraintRows:
         return int(self._rows.numel())
 
     @property
-    def of_limits(self) -> int:
-        """The number of rows of the limits themselves, which come first."""
-        return self.constraints.number
-
-    @property
-    def can_be_held(self) -> bool:
-        """Whether the arcs of a switching structure can hold all limits."""
-        return can_be_held(self.constraints)
-
-    @property
     def control(self) -> Index:
         """Indices of the control rows, (m,)."""
         return np.asarray(np.flatnonzero(self.constraints.is_control))
@@ -116,8 +101,8 @@ class ConstraintRows:
     def states(self) -> tuple[StateRows, ...]:
         """Indices of the rows of all state limits, those of the highest order first; none if arcs
         cannot hold the limits. Derivatives by time of positions come before those of velocities."""
-        found, end, m = list[StateRows](), self.of_limits, self.motors
-        for order in (0, 1) if self.can_be_held else ():
+        found, end, m = list[StateRows](), self.constraints.number, self.motors
+        for order in (0, 1) if can_be_held(self.constraints) else ():
             own = self.constraints.of_order(order)
             if len(own):
                 rates = [end + k * m + np.arange(m) for k in range(2 - order)]
@@ -209,7 +194,5 @@ def holdable(constraints: Constraints) -> tuple[int, ...]:
     return kept
 
 
-@lru_cache(maxsize=16)
-def constraint_rows(equations: PointEquations) -> ConstraintRows:
-    """Those of some equations, derived once in a process."""
-    return ConstraintRows(equations)
+constraint_rows = lru_cache(maxsize=16)(ConstraintRows)
+"""Those of some equations, derived once in a process."""

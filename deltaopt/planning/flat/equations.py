@@ -146,7 +146,5 @@ def _twice(values: ca.SX, by: ca.SX) -> ca.SX:
     return ca.diag(ca.diag(ca.jacobian(ca.diag(ca.jacobian(values, by)), by)))
 
 
-@lru_cache(maxsize=64)
-def point_equations(functions: Functions, constraints: Constraints) -> PointEquations:
-    """The equations of a mechanism and its limits, derived once in a process."""
-    return PointEquations.of(functions, constraints)
+point_equations = lru_cache(maxsize=64)(PointEquations.of)
+"""The equations of a mechanism and its limits, derived once in a process."""

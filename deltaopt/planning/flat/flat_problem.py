@@ -17,8 +17,9 @@ of the first guess, torques by their limits.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from itertools import pairwise
 from typing import ClassVar, Self
 
@@ -100,36 +101,14 @@ def boundary(asked: Boundary, scaling: Scaling, accuracy: float = 0.0) -> PhaseB
     return PhaseBoundary(state, free, scaling.rate(asked.belt, 1), radius)
 
 
-@dataclass(frozen=True)
-class FlatEquations:
-    """The equations of the flat problem, compiled, from which problems on meshes are made."""
-
-    method: CompiledMethod
-    transcription: PiecewiseAcceleration
-    cost: Cost
-
-    @cached_property
-    def together(self) -> int:
-        """How many intervals of a mesh are one of the method: the thirds of its cubics."""
-        return 3 if self.method.problem.derivatives == 3 else 1
-
-    @cached_property
-    def ends(self) -> _EndsOfThirds:
-        """What multipliers at its points are at the ends of thirds."""
-        return _EndsOfThirds.of(self.method.points)
-
-    def __call__(self, mesh: Array) -> FlatProblem:
-        """The problem on a mesh of interval lengths, (N,), fractions of the duration."""
-        return FlatProblem(self, mesh)
-
-
 def compiled_flat(
     equations: PointEquations, transcription: PiecewiseAcceleration, cost: Cost
-) -> FlatEquations | None:
-    """The equations with the interior-point method compiled for them; None where it cannot be."""
+) -> Callable[[Array], FlatProblem] | None:
+    """The problem on a mesh of interval lengths, (N,), fractions of the duration, with the
+    interior-point method compiled for its equations; None where it cannot be."""
     alike = Cost(running=float(cost.running != 0), rate=cost.rate)
     method = _method(equations, transcription, alike)
-    return None if method is None else FlatEquations(method, transcription, cost)
+    return None if method is None else partial(FlatProblem, method, transcription, cost)
 
 
 @lru_cache(maxsize=64)
@@ -185,17 +164,28 @@ class FlatProblem:
     thirds of an interval of the interior-point method.
     """
 
-    equations: FlatEquations
+    method: CompiledMethod
+    transcription: PiecewiseAcceleration
+    cost: Cost
     mesh: Array
     finest: ClassVar[int] = 4000
     """Number of intervals of the finest mesh that is solved: time is proportional to it."""
     takes_phases: ClassVar[bool] = True
 
     @property
+    def together(self) -> int:
+        """How many intervals of the mesh are one of the method: the thirds of its cubics."""
+        return 3 if self.method.problem.derivatives == 3 else 1
+
+    @cached_property
+    def ends(self) -> _EndsOfThirds:
+        """What multipliers at the method's points are at the ends of thirds."""
+        return _EndsOfThirds.of(self.method.points)
+
+    @property
     def points(self) -> Array:
         """Fractions of every interval where the limits are imposed."""
-        own = self.equations
-        return own.transcription.points if own.together == 1 else np.array([0.0, 1.0])
+        return self.transcription.points if self.together == 1 else np.array([0.0, 1.0])
 
     def solve(self, guess: Guess, scaling: Scaling) -> Solved:
         """Find the best motion on this mesh, by the compiled interior-point method.
@@ -206,7 +196,7 @@ class FlatProblem:
         begins: tuple[Settings, ...] = _FROM_NEAR if guess.near else _FROM_FAR
         if guess.is_trial and not scaling.problem.is_at_rest:
             begins = _FOR_TRIAL
-        elif self.equations.cost.running and not guess.near:
+        elif self.cost.running and not guess.near:
             begins = replace(FAR, iterations=_ALONG_A_VALLEY), *_FROM_FAR[1:]
         elif guess.near and scaling.softening is not None:
             begins = replace(NEAR, iterations=_CREEPING), *_FROM_NEAR[1:]
@@ -214,7 +204,7 @@ class FlatProblem:
             begins = ALMOST, *begins
         elif guess.on_its_mesh:
             begins = CLOSE, *begins
-        ends, cost = (scaling.problem.start, scaling.problem.goal), self.equations.cost
+        ends, cost = (scaling.problem.start, scaling.problem.goal), self.cost
         exact = guess.tolerance <= _EXACT and not cost.running and scaling.faces is None
         smooth = _SMOOTH * guess.tolerance if exact else 0.0
         for begin in begins:
@@ -223,7 +213,7 @@ class FlatProblem:
             phases = self._phases(given, scaling)
             start, goal = (boundary(end, scaling) for end in ends)
             between = (boundary(gate, scaling, settings.row_tolerance) for gate in scaling.gates)
-            found = self.equations.method.solve(
+            found = self.method.solve(
                 phases,
                 [start, *between, goal],
                 settings,
@@ -245,27 +235,24 @@ class FlatProblem:
 
         Each phase has a duration of its own; position and velocity are continuous between them.
         """
-        motion, cost = guess.trajectory, self.equations.cost
+        motion, cost = guess.trajectory, self.cost
         mesh, prices = self.mesh, guess.multipliers
         unused = scaling.constraints.convex & np.isneginf(scaling.limits.bounds[0])
         shares = np.where(unused, np.inf, scaling.shares(len(self.mesh)))
         total = motion.duration / scaling.time
-        if self.equations.together > 1:
-            mesh = joined(mesh, self.equations.together)
-            shares = shares.reshape(len(mesh), self.equations.together, -1).min(axis=1)
+        if self.together > 1:
+            mesh = joined(mesh, self.together)
+            shares = shares.reshape(len(mesh), self.together, -1).min(axis=1)
         known = np.empty(0) if prices is None else self._known(total, prices)
         if not scaling.gates:
             states = self._states(motion, scaling, 0.0, motion.duration, mesh)
             p, share = scaling.parameters, np.ascontiguousarray(shares)
             soft = _widths(motion, scaling, mesh)
             return [Phase(mesh, p, share, states, total, cost.duration_is_given, known, soft)]
-        first, last = motion.knots[[0, -1]].tolist()
-        passes = scaling.passes(motion)
-        instants = [first, *passes.tolist(), last]
-        phases = []
+        instants, phases = scaling.instants(motion), []
         for own, (begin, end), p in zip(
-            parts(mesh, (passes - first) / motion.duration),
-            pairwise(instants),
+            parts(mesh, (instants[1:-1] - instants[0]) / motion.duration),
+            pairwise(instants.tolist()),
             scaling.parameters_in_phases,
             strict=True,
         ):
@@ -282,15 +269,15 @@ class FlatProblem:
     ) -> Array:
         """Scaled states of a motion at the knots of a phase that begins and lasts so long, s."""
         times = begin + T * np.concatenate([[0.0], mesh.cumsum()])
-        return scaling.states(motion.position, times, T, self.equations.method.problem.derivatives)
+        return scaling.states(motion.position, times, T, self.method.problem.derivatives)
 
     def _known(self, duration: float, prices: Array) -> Array:
         """Multipliers of a guess for the method, from those of `Solved`: fractions of a running
         cost, which the method itself knows, or in units of the duration."""
-        if self.equations.together == 1:
-            return prices if self.equations.cost.running else duration * prices
+        if self.together == 1:
+            return prices if self.cost.running else duration * prices
         of_thirds = prices.reshape(-1, 3, 2, prices.shape[2])
-        return np.asarray(np.einsum("tep,ntem->npm", self.equations.ends.back, of_thirds))
+        return np.asarray(np.einsum("tep,ntem->npm", self.ends.back, of_thirds))
 
     def _solved(self, found: InteriorPointSolution, scaling: Scaling, accuracy: float) -> Solved:
         """The solution as one motion, on a mesh whose fractions phases have changed."""
@@ -302,17 +289,13 @@ class FlatProblem:
             begin, T = times[-1][-1], phase.duration / own
             times.append(begin + T * phase.mesh.cumsum())
             knots = phase.knots.reshape(len(phase.knots), -1, 3)
-            knots = knots / T ** np.arange(self.equations.method.problem.derivatives)[:, None]
+            knots = knots / T ** np.arange(self.method.problem.derivatives)[:, None]
             states.append(knots[1:] if states else knots)
         knots = np.concatenate(times)
         time = own * scaling.time
-        units = scaling.length / time ** np.arange(self.equations.method.problem.derivatives)
+        units = scaling.length / time ** np.arange(self.method.problem.derivatives)
         x, *rates = (units[:, None] * np.concatenate(states)).transpose(1, 0, 2)
-        curve = (
-            PiecewisePolynomial.in_thirds
-            if self.equations.together > 1
-            else PiecewisePolynomial.hermite
-        )
+        curve = PiecewisePolynomial.in_thirds if self.together > 1 else PiecewisePolynomial.hermite
         position = curve(time * knots, scaling.origin + x, *rates)
         multipliers = np.concatenate([phase.multipliers for phase in found.phases])
         return Solved(
@@ -323,17 +306,17 @@ class FlatProblem:
             all_at_points=True,
             left=float(found.left + smaller_spheres / found.cost),
             widths=np.concatenate([phase.own for phase in found.phases]).repeat(
-                self.equations.together, axis=0
+                self.together, axis=0
             ),
             mesh=None if is_one else np.diff(position.knots) / position.knots[-1],
         )
 
     def _of_intervals(self, multipliers: Array, scaling: Scaling) -> Array:
         """Multipliers at the points of intervals, (N, points, rows), from those of the method."""
-        if self.equations.together == 1:
+        if self.together == 1:
             return multipliers
         jumps = scaling.constraints.orders == 3
-        ends = self.equations.ends
+        ends = self.ends
         shared = np.einsum("tep,npm->ntem", ends.shared, multipliers)
         one_sided = np.einsum("tep,npm->ntem", ends.one_sided, multipliers)
         found: Array = np.where(jumps, one_sided, shared)

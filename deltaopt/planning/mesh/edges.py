@@ -29,11 +29,11 @@ from deltaopt.curves.piecewise import Array, Index, Truths
 from deltaopt.limits.limit import DividedLimit
 from deltaopt.limits.scene_limits import Placed, SceneLimits
 from deltaopt.motion.sure_bounds import distances_from_faces, signed_distances
-from deltaopt.motion.trajectory import Trajectory, passes
+from deltaopt.motion.trajectory import Trajectory, boundary_instants
 from deltaopt.planning.nlp.phases import FacePhases
 from deltaopt.planning.nlp.problem import Guess, MeshProgram, Solved
 from deltaopt.planning.nlp.scaling import Scaling
-from deltaopt.problem.boundary import Boundary
+from deltaopt.problem.boundary import ANYWHERE, Boundary
 from deltaopt.problem.problem import Problem
 
 _SHARP = 2e-5
@@ -62,7 +62,6 @@ _AT_BODY = 1e-4
 _TOUCHES, _FREE = 0.02, 1e-6
 """Of all that a limit costs, what an interval must cost to count as touching it; and what the limit
 must cost, as a fraction of the duration per share of its bound."""
-_OPEN = Boundary.passed((None, None, None))
 
 
 @dataclass(frozen=True)
@@ -143,11 +142,11 @@ def phases_over_edges(
     changes = [each for own in parts for each in own[1:]]
     if not changes or len(changes) >= _MOST_PHASES:
         return None
-    passed = (passes(problem, motion) - motion.knots[0]) / motion.duration
+    passed = (boundary_instants(problem, motion)[1:-1] - motion.knots[0]) / motion.duration
     meet = [*zip(passed.tolist(), problem.gates, strict=True)]
     for each in changes:
         instant = float(times[each.begin])
-        meet.append((instant, _OPEN if each.on_edge else _gate(motion, instant)))
+        meet.append((instant, ANYWHERE if each.on_edge else _gate(motion, instant)))
     meet.sort(key=itemgetter(0))
     instants = np.array([instant for instant, _ in meet])
     begins = [0, *np.searchsorted(times, instants).tolist()]

@@ -75,5 +75,6 @@ def _jacobian(rows: ConstraintRows, y: Array, T: float, scaling: Scaling) -> Arr
     per_time = np.array([1.0, T, T**2])[:, None]
     points = (y / per_time).reshape(-1, 3 * rows.motors)
     J = rows.jacobian(points, scaling.parameters)
-    shape = (*y.shape[:2], rows.of_limits, 3, rows.motors)
-    return np.asarray(J[:, : rows.of_limits].reshape(shape) / per_time)
+    own = rows.constraints.number
+    shape = (*y.shape[:2], own, 3, rows.motors)
+    return np.asarray(J[:, :own].reshape(shape) / per_time)

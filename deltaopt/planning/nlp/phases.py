@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from deltaopt.curves.piecewise import Array, Truths
-from deltaopt.motion.trajectory import Trajectory, passes
+from deltaopt.motion.trajectory import Trajectory, boundary_instants
 from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.problem import Problem
 
@@ -45,8 +45,7 @@ def first_mesh(problem: Problem, motion: Trajectory, intervals: int) -> Array:
     are phases, in each phase of a first motion; each in thirds where acceleration is continuous."""
     if not problem.gates:
         return np.full(problem.together * intervals, 1 / (problem.together * intervals))
-    passed = (passes(problem, motion) - motion.knots[0]) / motion.duration
-    lengths = np.diff([0.0, *passed.tolist(), 1.0])
+    lengths = np.diff((boundary_instants(problem, motion) - motion.knots[0]) / motion.duration)
     counts = np.maximum(np.rint(intervals * lengths), _FEWEST).astype(int)
     counts *= problem.together
     return np.repeat(lengths / counts, counts)

@@ -15,7 +15,7 @@ from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.running_cost import Running
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.mechanisms.functions import Functions
-from deltaopt.motion.trajectory import Trajectory, passes
+from deltaopt.motion.trajectory import Trajectory, boundary_instants
 from deltaopt.planning.nlp.phases import FacePhases
 from deltaopt.planning.nlp.softening import Softening
 from deltaopt.problem.boundary import Boundary
@@ -196,11 +196,12 @@ class Scaling:
         """Where the phases of the motion meet."""
         return self.problem.gates if self.faces is None else self.faces.gates
 
-    def passes(self, motion: Trajectory) -> Array:
-        """When a motion passes from phase to phase, (n,), s."""
+    def instants(self, motion: Trajectory) -> Array:
+        """When the phases of a motion begin, and when the last one ends, (phases + 1,), s."""
         if self.faces is None:
-            return passes(self.problem, motion)
-        return np.asarray(motion.knots[0] + motion.duration * self.faces.instants)
+            return boundary_instants(self.problem, motion)
+        between = motion.knots[0] + motion.duration * self.faces.instants
+        return np.concatenate([motion.knots[:1], between, motion.knots[-1:]])
 
     def polynomial(self, h: Array, coefficients: Array, T: float) -> PiecewisePolynomial:
         """A position in m over s from its scaled coefficients.

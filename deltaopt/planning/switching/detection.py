@@ -126,16 +126,14 @@ def _active(
     control = _at_limit(rows.control, settings.control)
     states = np.zeros((N, m, 2), np.int8)
     for order, at_limit in enumerate((_POSITION, settings.velocity)):
-        of_state = rows.of_state(order)
-        if of_state is not None:
+        if (of_state := rows.states[order]) is not None:
             states[..., order] = _at_limit(of_state, at_limit)
     contacts: list[dict[float, ActiveLimits]] = [{} for _ in range(m)]
     if multipliers is None:
         return control, states, contacts, np.abs(rows.control).min(axis=1)
     weight = np.abs(multipliers.control)
     enough = multipliers.control * control > settings.multiplier * weight.max()
-    for order in (0, 1):
-        of_state = multipliers.of_state(order)
+    for order, of_state in enumerate(multipliers.states):
         for k in range(m):
             own = np.zeros(N) if of_state is None else of_state[:, k]
             states[:, k, order], found = _with_multipliers(

@@ -186,8 +186,7 @@ def _initial_point(
     begin = np.concatenate([[0.0], np.cumsum(h)])
     inside = begin[:-1, None] + h[:, None] * np.clip(mesh.polynomials.nodes, 1e-6, 1 - 1e-6)
     D, T, n, m = scaling.length, scaling.time, mesh.intervals, conditions.rows.motors
-    acceleration = trajectory.position.derivative().derivative()
-    A = acceleration.at(inside.ravel()).reshape(n, -1, m) * T**2 / D
+    A = trajectory.position.at(inside.ravel(), 2).reshape(n, -1, m) * T**2 / D
     knots = scaling.states(trajectory.position, begin, T)
     knots[0], knots[-1] = 0.0, conditions.goal
     bounded = np.zeros(conditions.within.shape)

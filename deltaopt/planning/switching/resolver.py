@@ -12,6 +12,7 @@ from deltaopt.motion.certificate import MET, Certificate
 from deltaopt.planning.flat.constraint_rows import (
     ByOrder,
     ConstraintRows,
+    can_be_held,
     constraint_rows,
     holdable,
 )
@@ -80,7 +81,7 @@ class SwitchResolver:
         """From the structures that are detected with each of the settings."""
         constraints, held = self.rows.constraints, self._held
         size = self.all_rows.constraints.size(last.rows)
-        if not self.rows.can_be_held or (size[..., ~held] > _ACTIVE).any():
+        if not can_be_held(constraints) or (size[..., ~held] > _ACTIVE).any():
             return None
         tried = set[tuple[Arc, ...]]()
         rows = ByOrder.of(constraints, last.rows[..., held])
@@ -129,7 +130,7 @@ def resolver(scaling: Scaling, tolerance: float, tell: Callable[[str], None]) ->
     """For a scene; where arcs can hold none of its motions it certifies mesh solutions only."""
     functions = scaling.problem.model.functions
     all_rows = constraint_rows(point_equations(functions, scaling.constraints))
-    if all_rows.can_be_held:
+    if can_be_held(all_rows.constraints):
         return SwitchResolver(all_rows, all_rows, scaling, tolerance, tell)
     held = replace(scaling, kept=holdable(scaling.constraints))
     rows = constraint_rows(point_equations(functions, held.constraints))

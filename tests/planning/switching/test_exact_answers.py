@@ -119,18 +119,19 @@ class Line:
         inside = motion.inside_intervals(FRACTIONS)
         shape = (-1, len(FRACTIONS), 3)
         speed = (inside.v / self.v).reshape(shape) if self.v else None
-        return ByOrder((inside.a / self.u).reshape(shape), speed)
+        return ByOrder((inside.a / self.u).reshape(shape), (None, speed))
 
     def on_mesh(self, mesh, guess: Trajectory):
         """The motion of a mesh and what it is estimated to give away."""
         solution = solved_on(self.equations, self.scaling, mesh, guess)
         motion = Trajectory(solution.position, UnitMass())
         rows = self.rows(motion)
-        both = rows.control if rows.velocity is None else np.concatenate(rows[:2], axis=2)
+        speed = rows.states[1]
+        both = rows.control if speed is None else np.concatenate([rows.control, speed], axis=2)
         force = np.abs(rows.control).max(axis=(1, 2)) - 1
         slowing = 1 + force / 2
-        if rows.velocity is not None:
-            slowing = np.maximum(slowing, np.abs(rows.velocity).max(axis=(1, 2)))
+        if speed is not None:
+            slowing = np.maximum(slowing, np.abs(speed).max(axis=(1, 2)))
         controls = np.arange(both.shape[2]) < rows.control.shape[2]
         return motion, error_estimate(mesh, solution.multipliers, both, controls, slowing)
 

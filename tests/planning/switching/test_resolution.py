@@ -66,7 +66,8 @@ def test_ipopt_finds_the_same_duration(resolved):
     scaling = Scaling(problem_of(scene), found.duration)
     rows = loads_inside(problem_of(scene), found.trajectory, FRACTIONS).rows
     by_interval = rows.reshape(-1, len(FRACTIONS), rows.shape[1])
-    of_order = ByOrder.of(scaling.constraints, by_interval)._replace(position=None)
+    of_order = ByOrder.of(scaling.constraints, by_interval)
+    of_order = of_order._replace(states=(None, of_order.states[1]))
     structure = detect_structure(np.diff(found.trajectory.knots) / found.duration, of_order)
     off = 1 + 1e-3 * np.random.default_rng(1).uniform(-1, 1, len(structure.lengths))
     structure = replace(structure, lengths=structure.lengths * off)
