@@ -32,7 +32,7 @@ class Change(Record):
     most: Number = Field(description="a number in SI units, greater than least")
     price: Number = Field(default=0.0, description="what one of its unit costs")
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         if not self.least < self.most:
             raise SceneError(None, "most", self.most, f"a number greater than {self.least:g}")
 

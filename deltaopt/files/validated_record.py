@@ -215,10 +215,10 @@ class Record(BaseModel, metaclass=_Listed):
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
-        self._require_consistent()
+        self.require_consistent()
         return self
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         """Raise SceneError where fields that are right one by one do not go together."""
 
     @classmethod

@@ -140,6 +140,8 @@ class Planner:
     def __post_init__(self) -> None:
         require_positive("tolerance", self.tolerance, *TOLERANCES)
         require_whole("intervals", self.intervals, 2, "to stop again", MOST_INTERVALS)
+        if self.payload is not None:
+            require_positive("payload", self.payload)
         self._check_types()
         if self.solver and not isinstance(self.solver, self._optimiser.problem_formulation.solvers):
             raise ValueError(
@@ -233,6 +235,7 @@ class Planner:
         if start is not None:
             scene = scene.model_copy(update={"start": _state_of(start, scene.has_rates)})
             under_way = _rest_of(start)
+        scene.require_consistent()
         self._require_settings(scene, starts, exhaustive)
         return self._told(lambda run: run.plan(scene, under_way, search), progress)
 

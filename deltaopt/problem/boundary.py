@@ -64,13 +64,17 @@ class Boundary:
             return f"{point} on a belt of {in_words(self.belt)} m/s"
         if self.is_anywhere:
             return "rest, anywhere"
-        return point if self.velocity == REST else f"{point} at {in_words(self.velocity)} m/s"
+        return point if self.is_at_rest else f"{point} at {in_words(self.velocity)} m/s"
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether the platform neither moves nor begins to."""
+        return self.velocity == self.acceleration == REST
 
     @property
     def is_rest_at_a_point(self) -> bool:
         """Whether the platform rests there, at a place that is known."""
-        rests = self.velocity == REST and self.acceleration == REST
-        return self.is_given and rests and not (self.is_passed or self.within)
+        return self.is_given and self.is_at_rest and not (self.is_passed or self.within)
 
     def at(self, duration: float, reached: Vector3) -> Boundary:
         """What is asked of a motion that takes ``duration`` (s) and ends at ``reached`` (m)."""

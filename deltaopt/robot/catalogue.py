@@ -70,7 +70,7 @@ class Motor(Record):
     inertia: Annotated[NonNegative, ROTOR_INERTIA] | None = None
     curve: CurvePoints | None = optional(CURVE)
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         _require_at_most_peak("rated_torque", self.rated_torque, self.peak_torque)
         if self.curve is not None:
             require_torque_curve(self.curve, self.peak_torque, "curve")
@@ -108,7 +108,7 @@ class Gear(Record):
         "an angular speed in rad/s at the motor, greater than 0"
     )
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         _require_at_most_peak("nominal_torque", self.nominal_torque, self.peak_torque)
 
 

@@ -57,7 +57,7 @@ class Friction(Record):
         given = content.get("speed")
         return {**content, "speed": _SIGN_CHANGES_WITHIN if given is None else given}
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         if self.viscous is None and self.coulomb is None:
             expected = "viscous (N·m·s/rad), coulomb (N·m) or both"
             raise SceneError(None, "", None, expected, "names no friction")
@@ -119,7 +119,7 @@ class Drive(Record):
                 raise SceneError(None, "motor", value, expected, problem) from None
         return {**content, **parts, **reduced}
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         if self.torque_curve is not None:
             require_torque_curve(self.torque_curve, min(per_motor(self.torque)), "torque_curve")
 

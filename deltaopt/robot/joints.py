@@ -52,7 +52,7 @@ class Joints(Record):
         "an angle in rad, greater than 0 and less than π/2"
     )
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         if self.arm is not None and self.arm[0] >= self.arm[1]:
             expected = str(type(self).model_fields["arm"].description)
             raise SceneError(None, "arm", self.arm, expected)

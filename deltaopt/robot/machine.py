@@ -49,7 +49,7 @@ class Workspace(Record):
     )
     radius: Annotated[Positive, LENGTH] | None = None
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         if self.depth is not None and self.depth[0] >= self.depth[1]:
             expected = str(type(self).model_fields["depth"].description)
             raise SceneError(None, "depth", self.depth, expected)

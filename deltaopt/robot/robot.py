@@ -77,7 +77,7 @@ class Forearm(Record):
     )
     radius: Annotated[Positive, WIDTH] | None = optional(_RADIUS)
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         # I₁ = Σ m (y² + z²) and so on: none exceeds the other two together.  For a slender bar
         # two are equal and the third is 0, so rounding must be allowed for.
         if self.inertia and 2 * max(self.inertia) > sum(self.inertia) * (1 + 1e-9):
@@ -200,7 +200,7 @@ class Robot(Machine):
         folded, stretched = lengths
         return np.array([folded + depth * (stretched - folded), 0.0, 0.0]) + self.tool_offset
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         # Let the platform's centre be p and u_k its horizontal component along chain k's
         # azimuth.  In the arm's plane, the parallelogram's lower end is then u_k − d from the
         # motor's axis radially, d = base_radius − platform_radius.  If the chain closes, that

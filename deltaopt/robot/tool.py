@@ -68,7 +68,7 @@ class Box(Between):
         (2.0, 0.1, 1.0)
     """
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         if any(a == b for a, b in zip(*self.ends, strict=True)):
             expected = "a corner in m that differs from the corner from in every coordinate"
             raise SceneError(None, "to", self.to, expected)
@@ -84,7 +84,7 @@ class Along(Between):
 
     radius: Annotated[Positive, LENGTH]
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         if getattr(self, "from") == self.to:
             raise SceneError(None, "to", self.to, _OTHER)
 
@@ -113,7 +113,7 @@ class OneOf(Record):
         """Its value."""
         return getattr(self, self.given)
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         given = [name for name, value in self if value is not None]
         if len(given) != 1:
             problem = f"has {' and '.join(given)}" if given else "is empty"
@@ -149,7 +149,7 @@ class Tool(Record):
         f"a list of shapes about the tool's point, each {_SHAPES}"
     )
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         if self.radius is not None and self.shapes is not None:
             expected = "either radius or shapes"
             raise SceneError(None, "shapes", self.shapes, expected, "is given beside radius")

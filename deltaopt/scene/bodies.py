@@ -67,7 +67,7 @@ class HalfSpace(Record):
         """The point that is given, m."""
         return self.point
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         if not any(self.normal):
             raise SceneError(None, "normal", self.normal, "a vector [x, y, z], not zero")
 
@@ -88,7 +88,7 @@ class Hull(Record):
         """The mean of its points, m."""
         return vector3(np.mean(self.points, axis=0))
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         try:
             convex_hull(np.array(self.points, dtype=float).reshape(-1, 3), MOST_TRIANGLES)
         except NoHull as error:

@@ -78,7 +78,7 @@ class Cycle(Record):
                 raise SceneError(None, key, dwell, EXPECTED_DWELL, error.problem) from None
         return {**content, "dwells": dwells}
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         if len(self.dwells) != len(self.legs):
             raise SceneError(None, "dwells", list(self.dwells), f"{len(self.legs)} of them")
         for index, scene in enumerate(self.legs):
@@ -90,12 +90,16 @@ class Cycle(Record):
                 raise SceneError(None, "objective", str(scene.objective), expected)
             if scene.least_duration:
                 raise SceneError(None, "rotation", None, "none in a cycle", "is given")
-            if isinstance(scene.goal, State) and scene.goal.velocity != REST and self.dwells[index]:
+            if isinstance(scene.goal, State) and self.dwells[index]:
                 expected = "0 where the goal is passed at a velocity"
                 raise SceneError(None, f"{key}.dwell", self.dwells[index], expected)
             if self.dwells[index] == FREE and self.on_belts:
                 expected = "a duration in a cycle with a belt, which does not wait"
                 raise SceneError(None, f"{key}.dwell", FREE, expected)
+            offset, first = scene.robot.tool_offset, self.legs[0].robot.tool_offset
+            if offset != first:
+                expected = f"{list(first)}, that of the first leg: it does not jump between legs"
+                raise SceneError(None, f"{key}.tool.offset", list(offset), expected)
             before = self.legs[index - 1].goal
             if isinstance(before, Belt) and index == 0:
                 before = start_after(before) or before
@@ -186,5 +190,5 @@ def there_and_back(scene: Scene) -> Cycle:
 def start_after(goal: End) -> Start | None:
     """Where the leg after a goal starts, if the robot does not wait; None after a stop anywhere."""
     if isinstance(goal, Belt):
-        return goal.at if goal.belt == REST else State(at=goal.at, velocity=goal.belt)
+        return State(at=goal.at, velocity=goal.belt)
     return None if isinstance(goal, Anywhere) else goal

@@ -95,7 +95,7 @@ class _InTime(_Weighted):
         "a share of the fastest motion's duration, 1 at least", ge=1
     )
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         if (self.duration is None) == (self.of_fastest is None):
             raise SceneError(None, "duration", self.duration, EXPECTED_DURATION)
 
@@ -192,7 +192,7 @@ class TimeAndEfforts(_WithTime):
     def functional(self) -> CostFunctional:
         return CostFunctional(self.time, 1.0, self.rate, motors=self.effort)
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         if not any(self.effort):
             raise SceneError(None, "effort", self.effort, "a weight above 0 for some motor")
 

@@ -214,7 +214,7 @@ class Curve(GivenPath):
             for key, value in content.items()
         }
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         if not (np.diff(self.s) > 0).all():
             raise SceneError(None, "s", self.s, "increasing parameters")
         for name in ("x", "dx", "ddx"):

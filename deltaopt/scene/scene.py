@@ -18,7 +18,7 @@ from deltaopt.files.tables import html_table
 from deltaopt.files.units import MASS, WIDTH
 from deltaopt.files.validated_record import NonNegative, Positive, Record, Vector3, optional
 from deltaopt.limits.limit import Column, KeptLink
-from deltaopt.problem.boundary import REST, Boundary
+from deltaopt.problem.boundary import Boundary
 from deltaopt.robot.machine import Machine
 from deltaopt.robot.robot import AnyRobot
 from deltaopt.robot.solids import Convex
@@ -40,6 +40,7 @@ from deltaopt.scene.moving_ends import (
     Start,
     content_of_end,
     end_of,
+    point_at_rest,
     require_no_acceleration,
 )
 from deltaopt.scene.objective import EXPECTED, Objective, Time, content_of, objective_in
@@ -249,6 +250,8 @@ class Scene(Record):
         ``robot``: of whose drives the limits' shares, such as "85 %", are.
         """
         read = dict(given)
+        for key in {"start", "goal"} & set(read):
+            read[key] = point_at_rest(cls._valid(key, read[key]))
         if "payload" in read:
             read |= cls._payloads(read["payload"])
         if "limits" in read and isinstance(robot, Machine):
@@ -282,6 +285,7 @@ class Scene(Record):
 
         Raises SceneError.
         """
+        given = given.tolist() if isinstance(given, np.ndarray) else given
         if not isinstance(given, list | tuple) or len(given) != 2:
             return {"payload": given, "least_payload": None}
         problem = ""
@@ -306,8 +310,8 @@ class Scene(Record):
         known = [key for key in super()._keys() if key not in NO_KEYS]
         return [*known, "duration", "tool"]
 
-    def _require_consistent(self) -> None:
-        at_rest, starts_moving = not self.moves_at_ends, self.ends[0].velocity != REST
+    def require_consistent(self) -> None:
+        at_rest, starts_moving = not self.moves_at_ends, not self.ends[0].is_at_rest
         stops, is_time = isinstance(self.goal, Anywhere), isinstance(self.objective, Time)
         no_path, follows = self.path is None, self.follows_path
         is_rated = follows and self.has_rates

@@ -54,8 +54,8 @@ def load_cycle(path: str | Path) -> Cycle:
     """Read the file of a cycle and the robot file it names.
 
     Its key ``cycle`` lists the legs: what stands there of a scene is for that leg, and what stands
-    beside it for all of them; bodies of both are there. Raises SceneError, naming file and key, if
-    either cannot be used.
+    beside it for all of them; bodies and limits of both are there. Raises SceneError, naming file
+    and key, if either cannot be used.
 
     Examples:
         >>> cycle = deltaopt.load_cycle("problems/cycles/there_and_back.yaml")
@@ -129,9 +129,12 @@ def _cycle(file: Path, content: dict[str, object]) -> Cycle:
     for index, leg in enumerate(given):
         own = dict(leg)
         dwells.append(own.pop("dwell", 0.0))
-        everywhere, here = content.get("keep_out"), own.get("keep_out")
-        if isinstance(everywhere, list) and isinstance(here, list):
-            own["keep_out"] = [*everywhere, *here]
+        for key in ("keep_out", "limits"):
+            everywhere, here = content.get(key), own.get(key)
+            if isinstance(everywhere, list) and isinstance(here, list):
+                own[key] = [*everywhere, *here]
+            elif isinstance(everywhere, dict) and isinstance(here, dict):
+                own[key] = everywhere | here
         inside = partial(_in_leg, index, own)
         begun = {} if start is None else {"start": start}
         legs.append(_scene(file, {**content, **own, **begun}, inside))

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from deltaopt.errors import EndMoves, in_words
 from deltaopt.files.validated_record import Vector3, vector3
-from deltaopt.problem.boundary import REST, Boundary
+from deltaopt.problem.boundary import Boundary
 from deltaopt.scene.path import GivenPath, Path
 
 
@@ -34,7 +34,7 @@ class BetweenEnds:
 
     @property
     def moves_at_ends(self) -> bool:
-        return not (self.goal.is_given and self.start.velocity == self.goal.velocity == REST)
+        return not (self.goal.is_given and self.start.is_at_rest and self.goal.is_at_rest)
 
     @property
     def is_at_rest(self) -> bool:
@@ -47,9 +47,9 @@ class BetweenEnds:
             return "the fastest stop"
         if self.goal.moves:
             return f"to a point on a belt{through}, path free"
-        if self.goal.velocity != REST:
+        if not self.goal.is_at_rest:
             return f"to a point that stands still, passed at a velocity{through}, path free"
-        if self.start.velocity != REST:
+        if not self.start.is_at_rest:
             return f"from a state to rest{through}, path free"
         if self.within:
             return f"from rest to rest, {self.within}"

@@ -113,6 +113,8 @@ def sensitivity(found: Found, keys: Collection[str] | None = None) -> tuple[Sens
     """
     content = content_of(found.scene if isinstance(found, Plan) else found.cycle)
     given = {each.key: each for each in numbers_in(content)}
+    if isinstance(keys, str):
+        keys = (keys,)
     unknown = set(keys or ()) - given.keys()
     if unknown:
         expected = "the key of one, such as robot.upper_arm.length or start[0]"

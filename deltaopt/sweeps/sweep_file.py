@@ -99,7 +99,7 @@ class Sweep(Record):
     def _in_si(cls, grid: dict[str, Any]) -> dict[str, Any]:
         return {key: _values(key, given) for key, given in grid.items()}
 
-    def _require_consistent(self) -> None:
+    def require_consistent(self) -> None:
         known = {*self.headers, *FACTS}
         for key, given in (("column", self.column), *(("pareto", p) for p in self.pareto or ())):
             if given not in known:

@@ -25,12 +25,16 @@ CYCLE = PROBLEMS / "cycles" / "there_and_back.yaml"
 TEXT = CYCLE.read_text(encoding="utf-8").replace("../robots", str(PROBLEMS / "robots"))
 
 
-def test_what_stands_beside_the_legs_is_for_all_and_bodies_add_up(tmp_path):
+def test_what_stands_beside_the_legs_is_for_all_and_bodies_and_limits_add_up(tmp_path):
     body = "[{sphere: {centre: [0.5, 0, %s], radius: 0.01}}]"
     text = TEXT.replace("start:", f"keep_out: {body % 0.1}\nclearance: 1 mm\nstart:")
-    file = tmp_path / "cycle.yaml"
-    file.write_text(text.replace("payload: 1.0", f"payload: 1.0, keep_out: {body % 0.2}"))
+    text = text.replace("limits: {", "limits: {torque: 25, acceleration: 200, ")
+    file, own = tmp_path / "cycle.yaml", "limits: {platform_speed: 2.5, acceleration: 100}"
+    file.write_text(text.replace("payload: 1.0", f"payload: 1.0, {own}, keep_out: {body % 0.2}"))
     there, back = load_cycle(file).legs
+    assert (there.given("torque"), there.given("platform_speed")) == (25.0, 2.5)
+    assert (there.given("acceleration"), back.given("acceleration")) == (100.0, 200.0)
+    assert back.given("platform_speed") is None
     assert (len(there.keep_out), len(back.keep_out)) == (2, 1)
     assert (there.payload, back.payload, back.clearance) == (1.0, None, 0.001)
     assert there.goal == back.start
@@ -49,6 +53,7 @@ def test_what_stands_beside_the_legs_is_for_all_and_bodies_add_up(tmp_path):
             "goal: [0.85, -0.1",
             r"cycle\[1\].goal is .* where it begins",
         ),
+        ("payload: 1.0", "tool: {offset: [0, 40 mm, 0]}", r"cycle\[1\].tool.offset is .*0.04"),
         ("start:", "period: 0 s\nstart:", "period is '0 s'; expected a duration"),
         ("start: [0.85, -0.1525, 0.0]", "", "start is missing"),
         ("start:", "objective: effort\nduration: 1\nstart:", "objective is .* least period"),

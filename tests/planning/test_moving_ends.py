@@ -35,6 +35,8 @@ SHIPPED = {"passed state": PASSED, "belt": BELT, "stop": STOP}
 PLANNER = Planner(CROSS.robot, CROSS.payload)
 ROUGHLY = Planner(CROSS.robot, CROSS.payload, tolerance=1e-2)
 """Where it is verification that judges."""
+_COLUMN = {"height": 0.02, "radius": 0.005}
+UP_AND_DOWN = {"start": _COLUMN, "goal": _COLUMN}
 
 
 @pytest.fixture(scope="module")
@@ -394,6 +396,54 @@ def test_refused(given, says):
     with pytest.raises(SceneError) as error:
         Scene(**{"robot": CROSS.robot, "start": CROSS.start, "goal": CROSS.goal, **given})
     assert says in str(error.value)
+
+
+@pytest.mark.parametrize("end", ["start", "goal"])
+@pytest.mark.parametrize("via", [None, ((0.80, 0.0, 0.05),)], ids=["", "via"])
+def test_an_acceleration_without_velocity_is_kept(end, via):
+    """As by a hair's breadth of velocity, which makes next to no difference."""
+    limits, found = {"torque_rate": 5000.0}, []
+    for speed in (0.0, 1e-6):
+        state = State(at=getattr(CROSS, end), velocity=(0, speed, 0), acceleration=(2, 20, -5))
+        scene = CROSS.model_copy(update={"limits": limits, "via": via, end: state})
+        found.append(good_plan(scene))
+    acceleration = found[0].trajectory.path_inside([0.0, 1.0])[2][-(end == "goal")]
+    np.testing.assert_allclose(acceleration, [2, 20, -5], atol=1e-9)
+    assert found[0].duration == pytest.approx(found[1].duration, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "more", [{"via": ((0.80, 0.0, 0.05),)}, {"approach": UP_AND_DOWN}], ids=list
+)
+def test_a_state_at_rest_is_a_point(more):
+    """Written with and without its velocity, and where a belt stands still."""
+    scene = CROSS.model_copy(update=more)
+    still = {"start": State(at=CROSS.start), "goal": Belt(at=CROSS.goal, belt=(0, 0, 0))}
+    assert scene.model_copy(update=still) == scene
+    assert Scene(**{**dict(scene), "start": {"at": CROSS.start, "velocity": (0, 0, 0)}}) == scene
+    old = plan(scene)
+    again = PLANNER.plan_scene(scene, start=old.trajectory(0.0))
+    assert again.duration == pytest.approx(old.duration, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"path": "line"}, "path is 'line'; expected start and goal at rest beside it"),
+        ({"path": "line", "tube": 0.005}, "path is 'line'; expected start and goal at rest"),
+        ({"approach": UP_AND_DOWN}, "approach is .*; expected start and goal at rest beside it"),
+    ],
+    ids=["path", "tube", "approach"],
+)
+def test_what_a_motion_under_way_does_not_go_with_is_refused(across, given, says):
+    """It was planned without: off the path, or beside the cylinders."""
+    with pytest.raises(SceneError, match=says):
+        PLANNER.plan_scene(CROSS.model_copy(update=given), start=across.trajectory(0.02))
+
+
+def test_fields_of_a_copy_that_do_not_go_together_are_refused():
+    with pytest.raises(SceneError, match="tube is 0.01; expected a path beside it"):
+        plan(CROSS.model_copy(update={"tube": 0.01}))
 
 
 @pytest.mark.parametrize("end", ["start", "goal"])
