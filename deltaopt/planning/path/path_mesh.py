@@ -49,7 +49,9 @@ class PathMesh:
         """With these nodes and the path's knots."""
         own, begin, end = path.knots, path.knots[0], path.knots[-1]
         nearest = np.rint(np.interp(nodes, own, np.arange(len(own)))).astype(np.intp)
-        inner = nodes[np.abs(own[nearest] - nodes) > _SAME * (end - begin)]
+        same = _SAME * (end - begin)
+        inner = np.sort(nodes[np.abs(own[nearest] - nodes) > same])
+        inner = inner[np.diff(inner, prepend=begin) > same]
         return cls(path, np.sort(np.concatenate([own, inner])))
 
     @cached_property

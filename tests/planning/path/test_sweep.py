@@ -19,6 +19,13 @@ def mesh_of(cells: int) -> PathMesh:
     return PathMesh.of(Line().between((0, 0, 0), (1, 0, 0)), np.linspace(0, 1, cells + 1))
 
 
+def test_nodes_that_crowd_where_a_motion_nearly_stops_are_one():
+    """Cells of no length have no speed."""
+    path = Line().between((0, 0, 0), (1, 0, 0))
+    crowded = np.array([0.0, 0.2, 0.2, 0.2 + 1e-13, 0.6, 0.6 - 1e-13, 1.0])
+    np.testing.assert_allclose(PathMesh.of(path, crowded).nodes, [0, 0.2, 0.6, 1], atol=1e-12)
+
+
 def ends_of(mesh: PathMesh) -> np.ndarray:
     return np.stack([mesh.nodes[:-1], mesh.nodes[1:]], axis=1).ravel()
 
