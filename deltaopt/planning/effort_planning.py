@@ -159,7 +159,8 @@ def beginnings(
         return [slowed]
     found, tried = list[tuple[float, Beginning]](), [[slowed]]
     for each in that_wait:
-        meshes = (_waiting_mesh(each, number) for number in (intervals, intervals // 2))
+        fewer = intervals, intervals // 2
+        meshes = (_waiting_mesh(each, number, scaling.problem.together) for number in fewer)
         tried.append([Beginning(each, mesh) for mesh in meshes])
     for of_one in tried:
         for begin in of_one:
@@ -198,12 +199,13 @@ def far_and_near(starts: Sequence[Beginning], together: int) -> Iterator[tuple[B
         yield replace(start, mesh=own_mesh(start.guess, 1, together)), True
 
 
-def _waiting_mesh(motion: Trajectory, intervals: int) -> Array:
+def _waiting_mesh(motion: Trajectory, intervals: int, together: int) -> Array:
     """The mesh for a motion of move, wait and move, fractions of its duration.
 
     At either end, for twice as long as the shorter move takes, every interval is as long as that
     move over ``intervals``, for how a motion comes to rest or leaves takes about as long as a move,
-    however long it rests. Towards the middle each is longer than the one before.
+    however long it rests. Towards the middle each is longer than the one before. Each is split into
+    so many that are equally long ``together``.
     """
     before, _, after = np.diff(motion.knots)
     shortest, half = min(before, after) / intervals, motion.duration / 2
@@ -212,6 +214,6 @@ def _waiting_mesh(motion: Trajectory, intervals: int) -> Array:
         lengths.append(_GROWTH * lengths[-1])
     if 4 * len(lengths) > MOST_INTERVALS and intervals > _FEWEST_PER_MOVE:
         # Leave room for a finer mesh, without which the gap could not be estimated.
-        return _waiting_mesh(motion, 3 * intervals // 4)
-    mesh = np.concatenate([lengths, lengths[::-1]])
+        return _waiting_mesh(motion, 3 * intervals // 4, together)
+    mesh = np.repeat([*lengths, *lengths[::-1]], together)
     return np.asarray(mesh / mesh.sum())

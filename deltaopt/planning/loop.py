@@ -148,7 +148,7 @@ class Loop:
     def roughly(self, scene: Scene) -> float:
         """The duration of the motion on the first mesh of a scene from rest to rest, as if there
         were neither bodies nor via points, s; 0 where none is found, or it ends where it begins."""
-        if scene.start == scene.goal:
+        if scene.task.start == scene.task.goal:
             return 0.0
         scene = without_bodies(scene).model_copy(update={"via": None})
 

@@ -140,8 +140,6 @@ class Planner:
     def __post_init__(self) -> None:
         require_positive("tolerance", self.tolerance, *TOLERANCES)
         require_whole("intervals", self.intervals, 2, "to stop again", MOST_INTERVALS)
-        if self.payload is not None:
-            require_positive("payload", self.payload)
         self._check_types()
         if self.solver and not isinstance(self.solver, self._optimiser.problem_formulation.solvers):
             raise ValueError(
@@ -150,7 +148,7 @@ class Planner:
             )
 
     def __repr__(self) -> str:
-        load = "no payload" if self.payload is None else f"{self.payload:g} kg"
+        load = "no payload" if self.payload is None else f"payload {self.payload}"
         return f"<Planner of {self.robot.name} with {load}, tolerance {self.tolerance:g}>"
 
     def _check_types(self) -> None:

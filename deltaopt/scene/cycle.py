@@ -90,8 +90,9 @@ class Cycle(Record):
                 raise SceneError(None, "objective", str(scene.objective), expected)
             if scene.least_duration:
                 raise SceneError(None, "rotation", None, "none in a cycle", "is given")
-            if isinstance(scene.goal, State) and self.dwells[index]:
-                expected = "0 where the goal is passed at a velocity"
+            is_passed = isinstance(scene.goal, State) and not scene.goal.end.is_at_rest
+            if is_passed and self.dwells[index]:
+                expected = "0 where the goal is passed in motion"
                 raise SceneError(None, f"{key}.dwell", self.dwells[index], expected)
             if self.dwells[index] == FREE and self.on_belts:
                 expected = "a duration in a cycle with a belt, which does not wait"
@@ -190,5 +191,5 @@ def there_and_back(scene: Scene) -> Cycle:
 def start_after(goal: End) -> Start | None:
     """Where the leg after a goal starts, if the robot does not wait; None after a stop anywhere."""
     if isinstance(goal, Belt):
-        return State(at=goal.at, velocity=goal.belt)
+        return goal.at if goal.belt == REST else State(at=goal.at, velocity=goal.belt)
     return None if isinstance(goal, Anywhere) else goal

@@ -121,12 +121,6 @@ def content_of_end(given: Any) -> object:
     return given if is_point else given.model_dump(mode="json", exclude_none=True)
 
 
-def point_at_rest(given: Any) -> Any:
-    """The point of a state at rest, and of a belt that does not move; another end as it is."""
-    is_still = isinstance(given, State | Belt) and given.end.is_rest_at_a_point
-    return given.at if is_still else given
-
-
 _AS_IN_FILES = PlainSerializer(content_of_end)
 Start = Annotated[Point | State, BeforeValidator(_start_in), _AS_IN_FILES]
 End = Annotated[Point | State | Belt | Anywhere, BeforeValidator(goal_in), _AS_IN_FILES]

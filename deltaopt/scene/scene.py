@@ -6,6 +6,7 @@ A scene says what is wanted; how it is computed is a setting of the planner.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import Annotated, Any, Self
 
@@ -18,7 +19,7 @@ from deltaopt.files.tables import html_table
 from deltaopt.files.units import MASS, WIDTH
 from deltaopt.files.validated_record import NonNegative, Positive, Record, Vector3, optional
 from deltaopt.limits.limit import Column, KeptLink
-from deltaopt.problem.boundary import Boundary
+from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.robot.machine import Machine
 from deltaopt.robot.robot import AnyRobot
 from deltaopt.robot.solids import Convex
@@ -40,7 +41,6 @@ from deltaopt.scene.moving_ends import (
     Start,
     content_of_end,
     end_of,
-    point_at_rest,
     require_no_acceleration,
 )
 from deltaopt.scene.objective import EXPECTED, Objective, Time, content_of, objective_in
@@ -250,8 +250,6 @@ class Scene(Record):
         ``robot``: of whose drives the limits' shares, such as "85 %", are.
         """
         read = dict(given)
-        for key in {"start", "goal"} & set(read):
-            read[key] = point_at_rest(cls._valid(key, read[key]))
         if "payload" in read:
             read |= cls._payloads(read["payload"])
         if "limits" in read and isinstance(robot, Machine):
@@ -311,7 +309,7 @@ class Scene(Record):
         return [*known, "duration", "tool"]
 
     def require_consistent(self) -> None:
-        at_rest, starts_moving = not self.moves_at_ends, not self.ends[0].is_at_rest
+        at_rest, starts_moving = not self.moves_at_ends, self.ends[0].velocity != REST
         stops, is_time = isinstance(self.goal, Anywhere), isinstance(self.objective, Time)
         no_path, follows = self.path is None, self.follows_path
         is_rated = follows and self.has_rates
@@ -341,11 +339,11 @@ class Scene(Record):
         task = self.task
         if not self.has_rates:
             require_no_acceleration({"start": self.start, "goal": self.goal})
-        if task.start == task.goal and (self.moves_at_ends or not task.via):
+        start, goal = (replace(end, acceleration=REST) for end in (task.start, task.goal))
+        if start == goal and (self.moves_at_ends or not task.via):
             point = "a state" if self.moves_at_ends else "a point in m"
             raise SceneError(None, "goal", content_of_end(self.goal), f"{point} other than start")
         if self.via is not None:
-            start, goal = self.ends
             given = goal.position if goal.is_given else None
             require_distinct(task.via, start.position, given)
         duration = self.objective.given_duration

@@ -213,13 +213,20 @@ def content_of(job: Job) -> dict[str, Any]:
     if any(leg["robot"] != legs[0]["robot"] for leg in legs):  # by their tools
         for leg in legs:
             leg |= {key: leg["robot"].pop(key) for key in ("tool",) if key in leg["robot"]}
+    limits = [leg.pop("limits", {}) for leg in legs]
+    of_all = {key: x for key, x in limits[0].items() if all(one.get(key) == x for one in limits)}
+    for leg, each in zip(legs, limits, strict=True):
+        if each.keys() - of_all.keys():
+            leg["limits"] = {key: each[key] for key in each if key not in of_all}
     shared = {
         key: value
         for key, value in legs[0].items()
-        if key not in ("start", "goal") and all(leg.get(key) == value for leg in legs)
+        if key not in ("start", "goal", "limits") and all(leg.get(key) == value for leg in legs)
     }
     own = [{key: leg[key] for key in leg if key not in (*shared, "start")} for leg in legs]
     cycle = [{**leg, "dwell": dwell} for leg, dwell in zip(own, job.dwells, strict=True)]
+    if of_all:
+        shared["limits"] = of_all
     if job.rms_torque is not None:
         shared["limits"] = {**shared.get("limits", {}), "rms_torque": job.rms_torque}
     return {**shared, "cycle": cycle, **({} if job.period is None else {"period": job.period})}

@@ -412,18 +412,17 @@ def test_an_acceleration_without_velocity_is_kept(end, via):
     assert found[0].duration == pytest.approx(found[1].duration, rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    "more", [{"via": ((0.80, 0.0, 0.05),)}, {"approach": UP_AND_DOWN}], ids=list
-)
+@pytest.mark.parametrize("more", [{"via": ((0.8, 0.0, 0.05),)}, {"approach": UP_AND_DOWN}])
 def test_a_state_at_rest_is_a_point(more):
-    """Written with and without its velocity, and where a belt stands still."""
+    """With and without its velocity, where a belt stands still, and under way at its start."""
     scene = CROSS.model_copy(update=more)
-    still = {"start": State(at=CROSS.start), "goal": Belt(at=CROSS.goal, belt=(0, 0, 0))}
-    assert scene.model_copy(update=still) == scene
-    assert Scene(**{**dict(scene), "start": {"at": CROSS.start, "velocity": (0, 0, 0)}}) == scene
+    at_rest = State(at=CROSS.start), State(at=CROSS.start, velocity=(0, 0, 0))
+    still = [{"start": each} for each in at_rest]
+    still += [{"goal": State(at=CROSS.goal)}, {"goal": Belt(at=CROSS.goal, belt=(0, 0, 0))}]
     old = plan(scene)
-    again = PLANNER.plan_scene(scene, start=old.trajectory(0.0))
-    assert again.duration == pytest.approx(old.duration, rel=1e-9)
+    others = [plan(scene.model_copy(update=each)) for each in still]
+    others.append(PLANNER.plan_scene(scene, start=old.trajectory(0.0)))
+    assert [each.duration for each in others] == pytest.approx([old.duration] * 5, rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -154,6 +154,16 @@ def test_more_time_needs_less_effort():
     assert efforts == sorted(efforts, reverse=True)
 
 
+@pytest.mark.parametrize("limits", [{"torque_rate": 5000.0}, {"jerk": 5000.0}], ids=list)
+def test_a_long_motion_with_ramps_waits_too(limits):
+    """It costs little more than without them, and no less."""
+    empty = PICK.model_copy(update={"payload": None})
+    ramped = planned(in_time(0.6, empty.model_copy(update={"limits": limits})))
+    assert verify(ramped.scene, ramped.trajectory).failures() == []
+    free = planned(in_time(0.6, empty))
+    assert 1 - 1e-3 < ramped.cost / free.cost < 1.05
+
+
 def test_a_long_motion_waits_where_little_torque_holds_it():
     """It is settled, keeps its limits, and costs little more than a shorter one."""
     empty, duration, less = PICK.model_copy(update={"payload": None}), 6, 1

@@ -125,6 +125,19 @@ def test_where_they_are_not_known(name, words):
         planned(shipped(name), 1e-3).sensitivity()
 
 
+def test_limits_that_all_legs_share_have_one_key():
+    """Also where a leg has some of its own: a change of one changes it in all of them."""
+    cycle = deltaopt.load_cycle("problems/cycles/there_and_back.yaml")
+    of_all, of_one = {"torque": 35.0, "acceleration": 150.0}, {"platform_speed": 3.5}
+    limits = {**of_all, **of_one, "acceleration": 120.0}, of_all
+    legs = [leg.model_copy(update={"limits": x}) for leg, x in zip(cycle.legs, limits, strict=True)]
+    content = content_of(cycle.model_copy(update={"legs": legs}))
+    again = job_of(changed(content, {"limits.torque": 20.0}))
+    assert [leg.given("torque") for leg in again.legs] == [20.0, 20.0]
+    assert [leg.given("acceleration") for leg in again.legs] == [120.0, 150.0]
+    assert [leg.given("platform_speed") for leg in again.legs] == [3.5, None]
+
+
 @pytest.mark.parametrize("key", ["tube", "drive.torque"])
 def test_a_key_of_no_number_is_refused(key):
     with pytest.raises(deltaopt.SceneError, match=f"{key} is no number that is given"):

@@ -134,7 +134,8 @@ def _nearest_places(scene: Scene, via: tuple[Boundary, ...]) -> Array:
 
 def _spline_at_rest(scene: Scene, places: Array, power: float) -> Trajectory | None:
     """The spline from rest to rest, as fast as the limits roughly allow."""
-    points, one = np.array([scene.start, *places, scene.goal])[:, None], np.ones(1)
+    start, goal = scene.given_points
+    points, one = np.array([start, *places, goal])[:, None], np.ones(1)
     coefficients, lengths = _splines(points, one, power * one)
     position = PiecewisePolynomial(np.append(0.0, np.cumsum(lengths)), coefficients[0])
     spline = Trajectory(position, model_of(scene.robot, scene.payload))
