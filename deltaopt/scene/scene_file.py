@@ -135,6 +135,10 @@ def _cycle(file: Path, content: dict[str, object]) -> Cycle:
                 own[key] = [*everywhere, *here]
             elif isinstance(everywhere, dict) and isinstance(here, dict):
                 own[key] = everywhere | here
+        if isinstance(own.get("limits"), dict) and "rms_torque" in own["limits"]:
+            key, value = f"cycle[{index}].limits.rms_torque", own["limits"]["rms_torque"]
+            with placed_in(file):
+                raise SceneError(None, key, value, "none in a leg, but in the limits of the cycle")
         inside = partial(_in_leg, index, own)
         begun = {} if start is None else {"start": start}
         legs.append(_scene(file, {**content, **own, **begun}, inside))
