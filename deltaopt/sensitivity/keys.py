@@ -216,8 +216,8 @@ def content_of(job: Job) -> dict[str, Any]:
     limits = [leg.pop("limits", {}) for leg in legs]
     of_all = {key: x for key, x in limits[0].items() if all(one.get(key) == x for one in limits)}
     for leg, each in zip(legs, limits, strict=True):
-        if each.keys() - of_all.keys():
-            leg["limits"] = {key: each[key] for key in each if key not in of_all}
+        if alone := {key: x for key, x in each.items() if key not in of_all}:
+            leg["limits"] = alone
     shared = {
         key: value
         for key, value in legs[0].items()
@@ -225,10 +225,10 @@ def content_of(job: Job) -> dict[str, Any]:
     }
     own = [{key: leg[key] for key in leg if key not in (*shared, "start")} for leg in legs]
     cycle = [{**leg, "dwell": dwell} for leg, dwell in zip(own, job.dwells, strict=True)]
+    if job.rms_torque is not None:
+        of_all["rms_torque"] = job.rms_torque
     if of_all:
         shared["limits"] = of_all
-    if job.rms_torque is not None:
-        shared["limits"] = {**shared.get("limits", {}), "rms_torque": job.rms_torque}
     return {**shared, "cycle": cycle, **({} if job.period is None else {"period": job.period})}
 
 

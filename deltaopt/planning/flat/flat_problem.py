@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import lru_cache, partial
 from itertools import pairwise
 from typing import ClassVar, Self
 
@@ -156,6 +156,10 @@ class _EndsOfThirds:
         return cls(one_sided, shared, back.astype(float))
 
 
+_ends_of_thirds = lru_cache(maxsize=8)(_EndsOfThirds.of)
+"""Of all meshes with the same points."""
+
+
 @dataclass(frozen=True)
 class FlatProblem:
     """The flat problem on a mesh of interval lengths, (N,), fractions of the duration.
@@ -177,10 +181,10 @@ class FlatProblem:
         """How many intervals of the mesh are one of the method: the thirds of its cubics."""
         return 3 if self.method.problem.derivatives == 3 else 1
 
-    @cached_property
+    @property
     def ends(self) -> _EndsOfThirds:
         """What multipliers at the method's points are at the ends of thirds."""
-        return _EndsOfThirds.of(self.method.points)
+        return _ends_of_thirds(self.method.points)
 
     @property
     def points(self) -> Array:
