@@ -28,6 +28,8 @@ be as bad as the bound says."""
 _KNOWN, _ANY = 0.1, 1e300
 """Share of an excess to which it is known, for it is cured by tightening a limit a quarter more;
 and where no more is asked than whether there is one."""
+_TOUCHED = 1e-6
+"""Of a row's natural size, by which a line that slides along a body may seem to be inside of it."""
 _CELLS = 100_000
 """Pieces that are looked at in all at most: a motion that slides along a body for long is bound by
 ever shorter ones."""
@@ -44,6 +46,38 @@ def rows_not_kept(problem: Problem, position: PiecewisePolynomial) -> Truths:
     By how much is of no account, so that this is known sooner."""
     everywhere = np.zeros(len(position.coefficients), dtype=np.intp)
     return np.asarray(_excess(problem, position, everywhere, _ANY)[0] > 0)
+
+
+def are_crossed(problem: Problem, begin: Array, along: Array, row: Index) -> Truths:
+    """Which straight lines are somewhere beyond the bound of one row of ``Constraints.convex``
+    each, by more than a millionth of the row's natural size, (N,).
+
+    ``begin``, ``along``: of the lines, (N, 3), m. ``row``: of each, (N,). A convex function lies
+    above its tangents at both ends of a line: where these cross beyond the bound is the next end.
+    """
+    limits, found = problem.limits, np.zeros(len(row), dtype=np.bool)
+    bound = limits.least_distances - _TOUCHED * limits.scales[limits.constraints.convex]
+
+    def at(share: Array, line: Index) -> Array:  # (3, n): it, the room there, and its derivative
+        way, own = along[line], (np.arange(len(line)), row[line])
+        distance, slope = signed_distances(problem, begin[line] + share[:, None] * way)
+        return np.stack([share, distance[own] - bound[own[1]], (slope[own] * way).sum(axis=1)])
+
+    line = np.arange(len(row))
+    before, after = at(np.zeros(len(row)), line), at(np.ones(len(row)), line)
+    for _ in range(_HALVINGS):
+        (first, room, rise), (last, room_after, fall) = before, after
+        found[line] = np.minimum(room, room_after) < 0
+        bend = np.where((rise < 0) & (fall > 0), fall - rise, np.inf)
+        ahead = (room + fall * (last - first) - room_after) / bend
+        is_open = ~found[line] & (room + rise * ahead < 0)
+        if not is_open.any():
+            break
+        line = line[is_open]
+        there = at((first + ahead)[is_open], line)
+        before = np.where(there[2] < 0, there, before[:, is_open])
+        after = np.where(there[2] < 0, after[:, is_open], there)
+    return found
 
 
 def _excess(problem: Problem, position: PiecewisePolynomial, groups: Index, known: float) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
-from deltaopt.motion.sure_bounds import signed_distances, sure_excess
+from deltaopt.motion.sure_bounds import are_crossed, signed_distances, sure_excess
 from deltaopt.motion.time_scaling import needed_slowing
 from deltaopt.planning.first_motions.initial_motion import curve_between
 from deltaopt.problem.of_scene import problem_of
@@ -68,3 +68,27 @@ def test_a_graze_is_told_from_a_touch(gap):
     assert (excess <= 0) == (gap > 0)
     if gap < 0:
         assert -gap <= excess <= -1.11 * gap
+
+
+def test_straight_lines_that_lead_through_a_body_are_found():
+    """Whether lines through bodies and around them are within each, as dense samples show it."""
+    rng, problem = np.random.default_rng(3), problem_of(with_bodies(*BODIES, HULL))
+    begin = rng.normal(size=(400, 3)) * 0.06 + [0.45, 0.0, 0.0]
+    along = rng.normal(size=(400, 3)) * 0.05
+    x = begin[:, None] + np.linspace(0, 1, 4001)[:, None] * along[:, None]
+    least = signed_distances(problem, x.reshape(-1, 3))[0].reshape(*x.shape[:2], -1).min(axis=1)
+    lines, bodies = np.indices(least.shape).reshape(2, -1)
+    found = are_crossed(problem, begin[lines], along[lines], bodies).reshape(least.shape)
+    assert (found == (least < 0))[np.abs(least) > 1e-7].all()
+    assert 200 < found.sum() < 800
+
+
+@pytest.mark.parametrize("gap", [1e-9, -1e-7])
+def test_a_line_that_touches_a_sphere_is_told_from_one_that_leads_into_it(gap):
+    """A tangent of a sphere, moved by a nanometre away from it, or by a tenth of a micrometre
+    into it."""
+    problem = problem_of(with_bodies(SPHERE))
+    x, y, z = SPHERE["sphere"]["centre"]
+    begin = np.array([[x, y + SPHERE["sphere"]["radius"] + gap, z - 0.0123456]])
+    found = are_crossed(problem, begin, np.array([[0.0, 0.0, 0.04]]), np.array([0]))
+    assert found[0] == (gap < 0)

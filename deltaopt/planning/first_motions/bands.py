@@ -15,11 +15,11 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction
-from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, Index
 from deltaopt.limits.solid_distance import larger
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.motion.links import planned_distances
-from deltaopt.motion.sure_bounds import signed_distances, sure_excess
+from deltaopt.motion.sure_bounds import are_crossed, signed_distances
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.in_tube import room_in_tube
 from deltaopt.problem.of_scene import problem_of
@@ -42,11 +42,9 @@ _DEPTH, _WIDTH = 6, 16
 some 0.3 ms. With 12 two of 18 hard scenes took 0.1 % and 0.9 % longer, with 24 none less."""
 _FARTHEST = 2.0
 """Of the way from start to goal, how far a path is bent aside at most."""
-_TOUCHED = 1e-6
-"""Share of a limit by which a piece that slides along a body may seem to be inside of it."""
 _LITTLE = 2 * MARGIN
 """Of the way: a shift that leaves a path about where it is."""
-_SHARES, _BESIDE = np.geomspace(1 / 64, 1.0, 7)[:, None], 4
+_SHARES, _BESIDE = np.geomspace(1 / 64, 1.0, 7).tolist(), 4
 """Of that shift, which are tried, and of how many samples to both sides: of so many that a path
 which leads through a plate at an angle still does when they are shifted."""
 _NEAR = 0.1
@@ -97,9 +95,10 @@ class Bodies:
         return min(dist(self.ends[1], self.ends[0]), 2 * self.tube)
 
     def distances(self, x: Array) -> tuple[Array, Array]:
-        """How far the tool's point at places (N, 3), m, is from bodies, and then links that are
-        planned to keep clear of them, and at last from a tube's wall, (N, rows), and the
-        derivatives by the place, (N, rows, 3)."""
+        """How far the tool's point at places (..., 3), m, is from bodies, and then links that are
+        planned to keep clear of them, and at last from a tube's wall, (..., rows), and the
+        derivatives by the place, (..., rows, 3)."""
+        size, x = (*x.shape[:-1], len(self.kept)), x.reshape(-1, 3)
         distance, slope = signed_distances(problem_of(self.scene), x)
         if self.scene.planned_links:
             of_links, by_place = planned_distances(self.scene, x)
@@ -110,7 +109,7 @@ class Bodies:
             room, inwards = room_in_tube(self.scene.axis_of_tube, self.tube, x)
             distance = np.hstack([distance, room[:, None]])
             slope = np.hstack([slope, inwards[:, None]])
-        return distance, slope
+        return distance.reshape(size), slope.reshape(*size, 3)
 
     @cached_property
     def at_ends(self) -> Array:
@@ -151,11 +150,8 @@ class Bodies:
         """Paths, (W, n, 3), with both ends of every piece that leads through a body shifted by as
         much as its middle is short of the margin: beside an edge one sample may have been pushed
         out of one face and the next one out of another, so that their line cuts the edge off."""
-        distance = self.distances(paths.reshape(-1, 3))[0].reshape(*paths.shape[:2], -1)
-        pierced, shifts = self.pierced(paths, distance), np.zeros_like(paths)
+        pierced, shifts = self.pierced(paths, self.distances(paths)[0]), np.zeros_like(paths)
         own, piece = np.nonzero(pierced >= 0)
-        if not len(own):
-            return paths
         body, which = pierced[own, piece], np.arange(len(own))
         distance, slope = self.distances((paths[own, piece] + paths[own, piece + 1]) / 2)
         short = np.maximum(self.kept[body] + self.margin * self.way - distance[which, body], 0.0)
@@ -187,7 +183,7 @@ class Bodies:
 
     def hits(self, bands: Array) -> list[Hit | None]:
         """What each of some bands, (W, n, 3), runs into first; None where it is clear."""
-        distance = self.distances(bands.reshape(-1, 3))[0].reshape(*bands.shape[:2], -1)
+        distance, _ = self.distances(bands)
         inside = distance < self.kept
         inside[:, [0, -1]] = False
         found: list[Hit | None] = [None] * len(bands)
@@ -213,15 +209,12 @@ class Bodies:
         than the room at their ends. Forearms are thicker than pieces are long.
         """
         room = (distance - self.kept)[..., : len(problem_of(self.scene).limits.least_distances)]
-        apart = np.sqrt((np.diff(places, axis=-2) ** 2).sum(axis=-1))
-        found = np.full(apart.shape, -1)
-        unknown = (room[..., :-1, :] + room[..., 1:, :] < apart[..., None]).any(axis=-1)
-        if unknown.any():
-            before, after = places[..., :-1, :][unknown], places[..., 1:, :][unknown]
-            lines = np.stack([before, after - before], axis=1)
-            pieces = PiecewisePolynomial(np.arange(len(lines) + 1.0), lines)
-            excess = sure_excess(problem_of(self.scene), pieces)
-            found[unknown] = np.where(excess.max(axis=1) > _TOUCHED, excess.argmax(axis=1), -1)
+        begin, along = places[..., :-1, :], np.diff(places, axis=-2)
+        is_short = room[..., :-1, :] + room[..., 1:, :] < np.linalg.norm(along, axis=-1)[..., None]
+        *piece, row = np.nonzero(is_short)
+        crossed = are_crossed(problem_of(self.scene), begin[*piece], along[*piece], row)
+        found = np.full(along.shape[:-1], -1)
+        found[*(which[crossed] for which in piece)] = row[crossed]
         return found
 
     def bent(self, front: list[tuple[Array, Hit]]) -> list[Array]:
@@ -267,17 +260,24 @@ class Bodies:
         pierced = self.pierced(band, distance)
         inside = {(k + 1, body) for k, body in np.argwhere(room[1:-1] < 0).tolist()}
         inside |= {(k, body) for k, body in enumerate(pierced.tolist()) if body >= 0}
-        shifts = self.way * _LITTLE * np.kron(_SHARES, sides_of(band[-1] - band[0]))[:, None]
-        for k, body in inside:
-            others = {each for place, each in inside if abs(place - k) <= 2 * _BESIDE} - {body}
-            rows = np.setdiff1d(np.arange(len(self.kept)), sorted(others))
-            pieces = band[max(0, k - _BESIDE) : k + 1 + _BESIDE] + shifts
-            distance = self.distances(pieces.reshape(-1, 3))[0].reshape(*pieces.shape[:2], -1)
-            past = (distance[..., rows] >= self.kept[rows]).all(axis=(1, 2))
-            through = self.pierced(pieces[past], distance[past])
-            if np.isin(through, rows).any(axis=1).all():
-                return False
-        return True
+        if not inside:
+            return True
+        rows, (where, hit) = np.arange(len(self.kept)), np.array(sorted(inside)).T
+        beside = np.abs(where - where[:, None]) <= 2 * _BESIDE
+        others = (beside[:, :, None] & (hit[:, None] == rows)).any(axis=1) & (hit[:, None] != rows)
+        around = np.clip(where[:, None] + np.arange(-_BESIDE, _BESIDE + 1), 0, len(band) - 1)
+        sides = self.way * _LITTLE * sides_of(band[-1] - band[0])[:, None]
+        for share in _SHARES:
+            paths = band[around][:, None] + share * sides
+            distance, _ = self.distances(paths)
+            past = ((distance >= self.kept) | others[:, None, None]).all(axis=(2, 3))
+            through, of = self.pierced(paths[past], distance[past]), np.nonzero(past)[0][:, None]
+            past[past] = np.logical_or(through < 0, others[of, through]).all(axis=1)
+            left = ~past.any(axis=1)
+            if not left.any():
+                return True
+            around, others = around[left], others[left]
+        return False
 
     def sides(self, band: Array) -> tuple[str, ...]:
         """On which sides a band passes the bodies that it comes near, in order of time:

@@ -106,8 +106,7 @@ def _shifts(path: Array) -> Array:
 def _passed(bodies: Bodies, paths: Array) -> tuple[Index, Array]:
     """On which sides paths, (bows, n, 3), pass bodies, (bows, rows), and how deep in one and what
     is to be kept from it they are, a share of the way, (bows,)."""
-    distance, slope = bodies.distances(paths.reshape(-1, 3))
-    distance, slope = (x.reshape(*paths.shape[:2], *x.shape[1:]) for x in (distance, slope))
+    distance, slope = bodies.distances(paths)
     deep = (bodies.margins(paths) - distance).max(axis=(1, 2)) / bodies.way
     return bodies.passed(distance, slope), deep
 
@@ -123,7 +122,7 @@ def _fastest_of_each(passed: Index, taking: Array) -> Index:
 
 def _are_possible(bodies: Bodies, paths: Array) -> Truths:
     """Which paths, (bows, n, 3), are clear of bodies where the platform can be held, (bows,)."""
-    distance = bodies.distances(paths.reshape(-1, 3))[0].reshape(*paths.shape[:2], -1)
+    distance, _ = bodies.distances(paths)
     inner = paths[:, _INNER]
     room = room_at_rest(without_bodies(bodies.scene), inner.reshape(-1, 3))
     held = (room > 0).reshape(inner.shape[:2]).all(axis=1)
