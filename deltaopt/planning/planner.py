@@ -244,6 +244,7 @@ class Planner:
         Raises what rules the scene out, and NotConverged where the motion leads to no plan near an
         optimum, or the path is given.
         """
+        scene.require_consistent()
         return self._told(lambda run: run.plan_near(scene, motion), None)
 
     def _told(self, planned: Callable[[Run], Plan], progress: Progress | None) -> Plan:

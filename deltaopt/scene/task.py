@@ -48,7 +48,7 @@ class BetweenEnds:
         if self.goal.moves:
             return f"to a point on a belt{through}, path free"
         if not self.goal.is_at_rest:
-            return f"to a point that stands still, passed at a velocity{through}, path free"
+            return f"to a point that stands still, passed in motion{through}, path free"
         if not self.start.is_at_rest:
             return f"from a state to rest{through}, path free"
         if self.within:

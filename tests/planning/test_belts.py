@@ -89,7 +89,7 @@ def test_a_state_that_is_not_reached_is_told_in_words_of_its_own():
     assert not_found(load_scene("problems/moving/stop.yaml"), 2) == (
         "no motion was found; 2 attempts were made, and none led to one that keeps all limits"
     )
-    assert "a point that stands still, passed at a velocity" in passed.task.description
+    assert "a point that stands still, passed in motion" in passed.task.description
 
 
 def test_when_a_belt_can_be_met_is_what_the_kinematics_say():

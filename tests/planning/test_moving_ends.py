@@ -441,8 +441,11 @@ def test_what_a_motion_under_way_does_not_go_with_is_refused(across, given, says
 
 
 def test_fields_of_a_copy_that_do_not_go_together_are_refused():
+    copy, motion = CROSS.model_copy(update={"tube": 0.01}), plan(CROSS).trajectory
     with pytest.raises(SceneError, match=r"tube is 0\.01; expected a path beside it"):
-        plan(CROSS.model_copy(update={"tube": 0.01}))
+        plan(copy)
+    with pytest.raises(SceneError, match=r"tube is 0\.01; expected a path beside it"):
+        PLANNER.plan_near(copy, motion)
 
 
 @pytest.mark.parametrize("end", ["start", "goal"])
