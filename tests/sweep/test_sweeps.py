@@ -33,11 +33,17 @@ def swept():
 
 
 @pytest.fixture(scope="module")
-def expected(tmp_path_factory):
-    """The rows of the grid, by one process."""
+def table(tmp_path_factory):
+    """The file of the grid, by one process."""
     file = tmp_path_factory.mktemp("sweep") / "one.csv"
     deltaopt.sweep(deltaopt.Sweep(scene=str(PICK), grid=GRID), file, workers=1)
-    return rows(file)
+    return file
+
+
+@pytest.fixture(scope="module")
+def expected(table):
+    """Its rows."""
+    return rows(table)
 
 
 def test_rows_are_those_of_plans_of_changed_scenes(expected):
@@ -76,10 +82,8 @@ def test_rows_are_the_same_whatever_plans_them(swept, expected, tmp_path):
     assert rows(tmp_path / "threads.csv") == expected
 
 
-def test_a_stopped_sweep_goes_on_and_plans_nothing_twice(swept, expected, tmp_path):
-    file = tmp_path / "rows.csv"
-    deltaopt.sweep(swept, file, workers=1)
-    whole = file.read_bytes()
+def test_a_stopped_sweep_goes_on_and_plans_nothing_twice(swept, table, expected, tmp_path):
+    file, whole = tmp_path / "rows.csv", table.read_bytes()
     lines = whole.splitlines(keepends=True)
     file.write_bytes(b"".join(lines[:4]) + lines[4][:20])  # as a kill leaves it
     told = []
@@ -89,10 +93,9 @@ def test_a_stopped_sweep_goes_on_and_plans_nothing_twice(swept, expected, tmp_pa
     assert [text.split(",")[0] for text in told] == [f"{n} of 6 points" for n in (4, 5, 6)]
 
 
-def test_a_table_of_other_points_is_refused(swept, tmp_path):
-    file = tmp_path / "rows.csv"
-    deltaopt.sweep(swept, file, workers=1)
-    before = file.read_bytes()
+def test_a_table_of_other_points_is_refused(swept, table, tmp_path):
+    file, before = tmp_path / "rows.csv", table.read_bytes()
+    file.write_bytes(before)
     other = deltaopt.Sweep(scene=str(PICK), grid={**GRID, "limits.torque": [10.0, 9.5, 1e-3]})
     with pytest.raises(OtherTable, match=r"2 of its 6 rows are of other points"):
         deltaopt.sweep(other, file, workers=1)
