@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -64,6 +65,7 @@ def enough(intervals: int, fewest: int) -> int:
     return max(fewest, -(-_FEWEST_IN_ALL // intervals))
 
 
+@lru_cache(maxsize=64)
 def sample_fractions(intervals: int, degree: int = 5) -> Array:
     """Where to sample each of so many intervals: both ends and at least 20 points inside, more in
     polynomials of a higher degree: what is wrong with these changes its sign between nodes, which

@@ -146,12 +146,11 @@ class Trajectory:
         """Lengths of the intervals between knots as fractions of the duration, (N,)."""
         return np.diff(self.knots) / self.duration
 
-    @property
+    @cached_property
     def extent(self) -> float:
         """The largest distance of a knot from the first, m: how far the motion goes."""
-        x = self.position.coefficients[:, 0]
-        last = self.position.at(self.knots[-1:])
-        return float(np.linalg.norm(np.vstack([x, last]) - x[0], axis=1).max())
+        x = self.position.at(self.knots)
+        return float(np.linalg.norm(x - x[0], axis=1).max())
 
     def inside_intervals(self, fractions: ArrayLike) -> Motion:
         """The motion at fractions of every interval, (K · len(fractions),) instants.
@@ -171,9 +170,15 @@ class Trajectory:
         return tuple(self.position.inside(*where, order) for order in range(highest + 1))
 
     @property
+    def accelerations_at_ends(self) -> Array:
+        """Accelerations of the platform where every interval begins and where it ends, inside of
+        it, (2 K, 3), m/s²: two for each knot between, where they may jump."""
+        return self.position.inside(*self.position.everywhere([0.0, 1.0]), 2)
+
+    @property
     def acceleration_jump(self) -> float:
         """All jumps of the platform's acceleration at knots, added up, m/s²."""
-        a = self.path_inside([0.0, 1.0])[2]  # begin, end, begin, end ...
+        a = self.accelerations_at_ends
         return float(np.linalg.norm(a[2::2] - a[1:-1:2], axis=1).sum())
 
     def coordinates_inside(self, fractions: ArrayLike) -> tuple[Array, Array, Array]:

@@ -33,8 +33,9 @@ def leads_through_singularity(model: Model, position: PiecewisePolynomial, t: Ar
         signed = volumes * np.sign(volumes[0])
         if not (signed > 0).all():  # nor where it is not a number
             return True
-        steps = np.pad(np.abs(np.diff(signed)), 1, mode="edge")
-        change = np.maximum(np.maximum(steps[:-2], steps[1:-1]), steps[2:])
+        steps = np.abs(np.diff(signed))
+        before, after = np.append(steps[0], steps[:-1]), np.append(steps[1:], steps[-1])
+        change = np.maximum(np.maximum(before, steps), after)
         near = np.flatnonzero(np.minimum(signed[:-1], signed[1:]) < change)
         if not len(near):
             return False

@@ -256,7 +256,7 @@ class Scene(Record):
             read["limits"] = without_shares(read["limits"], robot)
         return read
 
-    @property
+    @cached_property
     def has_rates(self) -> bool:
         """Whether limits of jerk or torque rate, or their cost, make acceleration continuous."""
         is_limited = any(limit.order == 3 and limit.items(self) for limit in LIMITS)

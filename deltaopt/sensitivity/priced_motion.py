@@ -234,7 +234,7 @@ def _priced(plan: Plan, mesh: Array) -> PricedMotion:
 
 def _with_switches(scaling: Scaling, motion: Trajectory) -> Scaling:
     """A scaling with phases that meet where the acceleration of a motion jumps."""
-    a = motion.path_inside([0.0, 1.0])[2]  # begin, end, begin, end ...
+    a = motion.accelerations_at_ends
     jumps = np.linalg.norm(a[2::2] - a[1:-1:2], axis=1) > _JUMP * np.abs(a).max()
     instants = np.cumsum(motion.shares)[:-1][jumps]
     if not len(instants):

@@ -158,7 +158,7 @@ def split(mesh: Array, pieces: int | Index) -> Array:
 def shortest_intervals(motion: Trajectory, together: int) -> Array:
     """Lengths below which so many intervals of a motion together must not be split, as fractions of
     the duration, (N,)."""
-    begins_and_ends = np.linalg.norm(motion.path_inside([0.0, 1.0])[2], axis=1)
+    begins_and_ends = np.linalg.norm(motion.accelerations_at_ends, axis=1)
     largest = begins_and_ends.reshape(-1, 2 * together).max(axis=1)
     by_usual = largest * motion.duration**2 / (_USUAL * motion.extent)
     shortest = _SHORTEST if together == 1 else _SHORTEST_THIRD

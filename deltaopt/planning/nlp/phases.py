@@ -28,8 +28,10 @@ def joined(each: Array, together: int) -> Array:
 
 def with_neighbours(each: Array) -> Array:
     """The largest of what every interval and the two beside it have, at least 0, (N, ...)."""
-    beside = np.pad(each, ((1, 1), *((0, 0),) * (each.ndim - 1)))
-    return np.asarray(np.maximum(each, np.maximum(beside[:-2], beside[2:])))
+    found = np.maximum(each, 0.0)
+    found[1:] = np.maximum(found[1:], each[:-1])
+    found[:-1] = np.maximum(found[:-1], each[1:])
+    return found
 
 
 def parts(mesh: Array, passed: Array) -> list[slice]:
