@@ -38,8 +38,8 @@ def run(arguments: argparse.Namespace) -> int:
     unknown = [w for w in arguments.what if w != FIVE_BAR and Path(w).suffix not in SUFFIXES]
     if unknown:
         raise WrongUsage(
-            f"{unknown[0]} is nothing to compare; dynamics is, and scene files (.yaml) and "
-            f"{FIVE_BAR} are"
+            f"{' '.join(arguments.what)} cannot be compared; give dynamics alone, or scene files "
+            f"(.yaml) and {FIVE_BAR}"
         )
     return _plans(arguments)
 

@@ -10,6 +10,7 @@ on when it is started again.
 from __future__ import annotations
 
 import argparse
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +68,8 @@ def _range(axis: str, given: list[float] | None, is_region: bool) -> tuple[float
     if given is None:
         return ()
     known, rises = (2,) if is_region else (1, 2, 3), sorted(set(given[:2])) == given[:2]
-    if not (len(given) in known and rises and all(n in range(2, 1000) for n in given[2:])):
+    is_known = len(given) in known and all(n in range(2, 1000) for n in given[2:])
+    if not (is_known and rises and all(map(isfinite, given))):
         expected = "FROM TO" if is_region else "a number, FROM TO, or FROM TO STEPS"
         raise WrongUsage(f"--{axis} is {' '.join(map(str, given))}; it must be {expected}, in m")
     return tuple(given)

@@ -103,12 +103,14 @@ def test_what_cannot_be_used_is_told_before_any_work(tmp_path, capsys):
     assert main(["sweep", str(sweep), "-o", str(tmp_path / "rows.csv")]) == 2
     assert main(["map", ROBOT, "--x", "0.8", "0.7"]) == 2
     assert main(["map", ROBOT, "--moves", "3", "--x", "0.8"]) == 2
+    assert main(["map", ROBOT, "--x", "nan"]) == 2
     said = capsys.readouterr().err.splitlines()
-    assert len(said) == 3
+    assert len(said) == 4
     assert "nowhere.yaml" in said[0]
     assert said[1:] == [
         "deltaopt: --x is 0.8 0.7; it must be a number, FROM TO, or FROM TO STEPS, in m",
         "deltaopt: --x is 0.8; it must be FROM TO, in m",
+        "deltaopt: --x is nan; it must be a number, FROM TO, or FROM TO STEPS, in m",
     ]
     assert not list(tmp_path.glob("*.csv"))
 
