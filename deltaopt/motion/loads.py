@@ -26,7 +26,6 @@ from deltaopt.mechanisms.instant import PlatformInstant
 from deltaopt.motion.extrema import everywhere
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.problem import Problem
-from deltaopt.robot.machine import Model
 
 _NOTHING = 1e-60
 """Stands for 0 as a divisor, so that what is asked of k² stays a number."""
@@ -104,8 +103,8 @@ def loads_inside(problem: Problem, trajectory: Trajectory, fractions: Array) -> 
 
     Raises Unreachable or Singular where the motion has none.
     """
-    along = loads_along(problem, trajectory)
-    return along(*everywhere(len(trajectory.knots) - 1, fractions))
+    where = everywhere(len(trajectory.knots) - 1, fractions)
+    return LoadsOfMotion(problem, trajectory).along(*where)
 
 
 def sizes_at(problem: Problem, coefficients: Array, lengths: Array, fractions: Array) -> Array:
@@ -116,76 +115,59 @@ def sizes_at(problem: Problem, coefficients: Array, lengths: Array, fractions: A
     """
     knots = np.append(0.0, np.cumsum(lengths))
     pieces = PiecewisePolynomial(knots, coefficients)
-    evaluate = LoadsOfMotion.of(problem, Trajectory(pieces, problem.model))
+    evaluate = LoadsOfMotion(problem, Trajectory(pieces, problem.model))
     loads = evaluate(*everywhere(len(lengths), fractions))
     sizes = problem.limits.constraints.size(loads.rows)
     return sizes.reshape(len(lengths), len(fractions), -1)
 
 
-@dataclass(frozen=True)
 class LoadsOfMotion:
     """The loads of a motion, called with intervals, (N,), and fractions of them, (N,); not a number
     where the motion has none."""
 
-    model: Model
-    coefficients: Array
-    lengths: Array
-    function: RowFunction
-    parameters: Array
-    slower: int
-    placed: int
-
-    @classmethod
-    def of(cls, problem: Problem, trajectory: Trajectory) -> LoadsOfMotion:
+    def __init__(self, problem: Problem, trajectory: Trajectory) -> None:
         """Those of a problem's limits along a motion."""
-        model, limits = problem.model, problem.limits
-        coefficients = _padded(trajectory.position.coefficients)
-        powers = coefficients.shape[1] // 3
-        functions, constraints = model.functions, limits.constraints
-        squares = _squares(problem)
-        return cls(
-            model,
-            coefficients,
-            np.diff(trajectory.knots),
-            _loads_function(functions, constraints, powers, squares),
-            np.concatenate([limits.numbers, model.parameters]),
-            int(np.count_nonzero(exponents(constraints, squares))),
-            int(np.count_nonzero(constraints.sampled_places)),
-        )
+        functions, constraints = problem.model.functions, problem.limits.constraints
+        self.position, self.lengths = trajectory.position, np.diff(trajectory.knots)
+        self._model, self._coefficients = problem.model, _padded(self.position.coefficients)
+        self._function = _loads_function(functions, constraints, self._coefficients.shape[1] // 3)
+        self._parameters = np.concatenate([problem.limits.numbers, problem.model.parameters])
+        self._slower = int(np.count_nonzero(constraints.slowing_exponents))
+        self._placed = int(np.count_nonzero(constraints.sampled_places))
 
     def __call__(self, intervals: Index, fractions: Array) -> Loads:
-        since, own = (self.lengths[intervals] * fractions)[:, None], self.coefficients
+        since, own = (self.lengths[intervals] * fractions)[:, None], self._coefficients
         starts = range(0, max(len(since), 1), _AT_ONCE)
         parts = [
-            self.function(own.take(intervals[k], axis=0), since[k], parameters=self.parameters)
+            self._function(own.take(intervals[k], axis=0), since[k], parameters=self._parameters)
             for k in (slice(first, first + _AT_ONCE) for first in starts)
         ]
         rows, demands, narrow = map(np.concatenate, zip(*parts, strict=True))
-        return Loads(rows, demands, narrow, self.slower, self.placed)
+        return Loads(rows, demands, narrow, self._slower, self._placed)
+
+    def along(self, intervals: Index, fractions: Array) -> Loads:
+        """The same loads, or an error that says why there are none."""
+        loads = self(intervals, fractions)
+        if not np.isfinite(loads.rows).all():
+            since = self.lengths[intervals] * fractions
+            where = self.position.with_derivatives(intervals, since)
+            self._model.inverse_dynamics(*where)  # which says what is the matter, as a rule
+            raise Unreachable("the motion passes a singular position")
+        return loads
 
     def rows_of_polynomials(self, coefficients: Array) -> Array:
         """Rows of polynomials with these ascending coefficients, (N, 3 · powers), at time 0."""
-        filled = np.zeros((len(coefficients), self.coefficients.shape[1]))
+        filled = np.zeros((len(coefficients), self._coefficients.shape[1]))
         filled[:, : coefficients.shape[1]] = coefficients
-        return self.function(filled, np.zeros((len(filled), 1)), parameters=self.parameters)[0]
+        return self._function(filled, np.zeros((len(filled), 1)), parameters=self._parameters)[0]
 
 
-def exponents(constraints: Constraints, squares: bool) -> Index:
+def exponents(functions: Functions, constraints: Constraints) -> Index:
     """How rows change when a motion is slowed, (rows,): ``Constraints.slowing_exponents``, but
-    ``MIXED`` for rows of torques that do not change with the square of the speed (``squares``)."""
+    ``MIXED`` for rows of torques where what motion adds to those at rest does not grow with the
+    square of the speed: where other things than motors, such as friction, depend on it."""
     found = constraints.slowing_exponents
-    return found if squares else np.where(constraints.of_torque, MIXED, found)
-
-
-def exponents_in(problem: Problem) -> Index:
-    """How the rows of a problem change when a motion is slowed, (rows,), as of ``exponents``."""
-    return exponents(problem.limits.constraints, _squares(problem))
-
-
-def _squares(problem: Problem) -> bool:
-    """Whether what motion adds to the torques at rest grows with the square of the speed, as it
-    does where nothing but motors, such as friction, depends on the speed."""
-    return _degree(problem.model.functions) == 0
+    return np.where(constraints.of_torque, MIXED, found) if _degree(functions) else found
 
 
 def has_layers(problem: Problem) -> bool:
@@ -212,22 +194,6 @@ def _degree(functions: Functions) -> float:
     return inf if any(ca.depends_on(bend, mechanism.dq) for bend in bends) else _SQUARE
 
 
-def loads_along(problem: Problem, trajectory: Trajectory) -> Callable[[Index, Array], Loads]:
-    """The loads at (interval (N,), fraction of it (N,)), or an error that says why not."""
-    evaluate = LoadsOfMotion.of(problem, trajectory)
-
-    def along(intervals: Index, fractions: Array) -> Loads:
-        loads = evaluate(intervals, fractions)
-        if not np.isfinite(loads.rows).all():
-            since = evaluate.lengths[intervals] * fractions
-            where = trajectory.position.with_derivatives(intervals, since)
-            evaluate.model.inverse_dynamics(*where)  # which says what is the matter, as a rule
-            raise Unreachable("the motion passes a singular position")
-        return loads
-
-    return along
-
-
 def _padded(coefficients: Array) -> Array:
     """(K, powers, 3) as (K, 3 · powers), powers a multiple of 6: few functions serve all."""
     powers = -(-coefficients.shape[1] // 6) * 6
@@ -237,9 +203,7 @@ def _padded(coefficients: Array) -> Array:
 
 
 @lru_cache(maxsize=128)
-def _loads_function(
-    functions: Functions, constraints: Constraints, powers: int, squares: bool
-) -> RowFunction:
+def _loads_function(functions: Functions, constraints: Constraints, powers: int) -> RowFunction:
     """(coefficients 3 · powers, time since the interval began, numbers of the limits and p) ->
     the arrays of ``Loads``."""
     coefficients, t = ca.SX.sym("coefficients", 3 * powers), ca.SX.sym("t")
@@ -255,7 +219,7 @@ def _loads_function(
     motion = PlatformInstant(functions, x, v, a, p, jerk=j)
     rows = constraints.rows(motion, numbers)
     at_rest = constraints.rows(PlatformInstant(functions, x, rest, rest, p, jerk=rest), numbers)
-    n = exponents(constraints, squares)
+    n = exponents(functions, constraints)
     slope = _slope(functions, constraints, numbers, p)(x, v, a, j) if (n == MIXED).any() else None
     demands = _demands(constraints, n, at_rest, rows, slope)
     inputs = [coefficients, t, ca.vertcat(numbers, p)]

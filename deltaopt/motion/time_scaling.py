@@ -12,12 +12,11 @@ Rows of positions stay what they are at any speed: no slowing cures their excess
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from math import factorial, inf, isfinite
 
 import numpy as np
 
-from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, Truths
+from deltaopt.curves.piecewise import Array, Index, Truths
 from deltaopt.limits.constraints import MIXED, Constraints
 from deltaopt.motion.approach_excess import approach_excess
 from deltaopt.motion.extrema import (
@@ -32,9 +31,8 @@ from deltaopt.motion.loads import (
     Loads,
     LoadsOfMotion,
     NeededSlowing,
-    exponents_in,
+    exponents,
     has_layers,
-    loads_along,
 )
 from deltaopt.motion.safe_speeds import largest_safe_speed
 from deltaopt.motion.sure_bounds import sure_excess
@@ -71,7 +69,7 @@ def needed_slowing(
     ``sampled``: ``loads_inside`` of ``fractions_of`` the motion, where these are known already.
     """
     intervals, fractions = len(trajectory.knots) - 1, fractions_of(trajectory)
-    along = loads_along(problem, trajectory)
+    along = LoadsOfMotion(problem, trajectory).along
     known = sampled or along(*everywhere(intervals, fractions))
     constraints = problem.limits.constraints
     over_ridges = _ridges(constraints, along, fractions, known).values.max(initial=0.0) - 1
@@ -86,7 +84,7 @@ def needed_slowing(
     def looked_at(speed: float, closely: bool) -> Peaks:
         slowed, loads = along, known
         if speed != 1:
-            slowed = loads_along(problem, trajectory.slowed(1 / speed))
+            slowed = LoadsOfMotion(problem, trajectory.slowed(1 / speed)).along
             loads = slowed(*everywhere(intervals, fractions))
         if closely:
             return _highest(slowed, size, fractions, loads)
@@ -148,11 +146,11 @@ def _factor_by_exchange(
     Samples come first: what lies between them changes the speed little. Where arms turn back under
     friction it changes it more, so that this is looked at from the beginning.
     """
-    changes = exponents_in(problem) != 0
+    changes = problem.limits.constraints.slowing_exponents != 0
     layered = has_layers(problem)
     closely = layered and at_least > 0
     speed, highest = _where_to_begin(at_least, looked_at, changes, closely)
-    instants = _Instants.none(problem, trajectory)
+    instants = _Instants(problem, trajectory, changes)
     for _ in range(_EXCHANGES):
         beyond = changes & ~(highest.values <= 1 + _SAFE)
         if closely and not beyond.any():
@@ -160,7 +158,7 @@ def _factor_by_exchange(
         if not np.isfinite(highest.values).all():
             return inf, highest
         if beyond.any():
-            instants = instants.joined_by(highest.intervals[beyond], highest.fractions[beyond])
+            instants.add(highest.intervals[beyond], highest.fractions[beyond])
             slower = largest_safe_speed(instants.excesses, speed)
             if slower is None:
                 return inf, looked_at(speed, True)
@@ -189,52 +187,40 @@ def _where_to_begin(
     return speed, highest
 
 
-@dataclass(frozen=True)
 class _Instants:
-    """Instants of a motion at which it is slowed.
+    """Instants of a motion at which it is slowed, none to begin with."""
 
-    ``taylor``: coefficients of the position there, (n, 3 · (order + 1)). ``evaluate``: gives the
-    rows. ``sides``: which bounds of them slowing changes, lower and upper, (2, rows).
-    """
+    def __init__(self, problem: Problem, trajectory: Trajectory, changes: Truths) -> None:
+        """``changes``: which rows slowing changes, (rows,)."""
+        constraints = problem.limits.constraints
+        self._evaluate = LoadsOfMotion(problem, trajectory)
+        self._sides = (constraints.sides & changes[:, None]).T  # bounds that are looked at
+        self._taylor = np.zeros((0, 3 * (constraints.order + 1)))  # of the position there
 
-    position: PiecewisePolynomial
-    evaluate: LoadsOfMotion
-    sides: Truths
-    taylor: Array
-
-    @classmethod
-    def none(cls, problem: Problem, trajectory: Trajectory) -> _Instants:
-        sides = problem.limits.constraints.sides & (exponents_in(problem) != 0)[:, None]
-        evaluate = LoadsOfMotion.of(problem, trajectory)
-        order = problem.limits.constraints.order
-        return cls(trajectory.position, evaluate, sides.T, np.zeros((0, 3 * (order + 1))))
-
-    def joined_by(self, intervals: Index, fractions: Array) -> _Instants:
-        """These and more, given by interval and fraction of it, (n,) each."""
-        since = self.evaluate.lengths[intervals] * fractions
-        added = np.hstack(
-            [
-                self.position.inside(intervals, since, order) / factorial(order)
-                for order in range(self.taylor.shape[1] // 3)
-            ]
-        )
-        return replace(self, taylor=np.concatenate([self.taylor, added]))
+    def add(self, intervals: Index, fractions: Array) -> None:
+        """Add those at fractions of intervals, (n,) each."""
+        since = self._evaluate.lengths[intervals] * fractions
+        added = [
+            self._evaluate.position.inside(intervals, since, order) / factorial(order)
+            for order in range(self._taylor.shape[1] // 3)
+        ]
+        self._taylor = np.concatenate([self._taylor, np.hstack(added)])
 
     def excesses(self, speeds: Array) -> Array:
         """By how much rows that slowing changes exceed their bounds at these speeds, (S,): (S, …)
         for all instants and sides."""
-        width = self.taylor.shape[1]
+        width = self._taylor.shape[1]
         powers = np.repeat(np.vander(speeds, width // 3, increasing=True), 3, axis=1)
-        slowed = (powers[:, None] * self.taylor).reshape(-1, width)
-        rows = self.evaluate.rows_of_polynomials(slowed)
-        lower, upper = self.sides
+        slowed = (powers[:, None] * self._taylor).reshape(-1, width)
+        rows = self._evaluate.rows_of_polynomials(slowed)
+        lower, upper = self._sides
         both = np.hstack([rows[:, upper] - 1, -1 - rows[:, lower]])
         return np.asarray(both.reshape(len(speeds), -1))
 
 
 def highest_rows(problem: Problem, trajectory: Trajectory) -> Peaks:
     """How near each constraint row comes to its bounds, 1 at a bound, between samples too."""
-    along, fractions = loads_along(problem, trajectory), fractions_of(trajectory)
+    along, fractions = LoadsOfMotion(problem, trajectory).along, fractions_of(trajectory)
     size = problem.limits.constraints.size
     sampled = along(*everywhere(len(trajectory.knots) - 1, fractions))
     found = _highest(along, lambda loads: size(loads.rows), fractions, sampled)
@@ -263,11 +249,11 @@ def rough_factor(problem: Problem, trajectory: Trajectory) -> float:
     where the motion has no torques."""
     where = everywhere(len(trajectory.knots) - 1, fractions_of(trajectory))
     if not _mixed(problem).any():
-        loads = LoadsOfMotion.of(problem, trajectory)(*where)
+        loads = LoadsOfMotion(problem, trajectory)(*where)
         return loads.needed(loads.demands.max(axis=0), at_least=0.0).factor
     factor = 1.0
     for _ in range(_ROUGH_ROUNDS):  # what mixed powers ask for is right close to the limits alone
-        loads = LoadsOfMotion.of(problem, trajectory.slowed(factor))(*where)
+        loads = LoadsOfMotion(problem, trajectory.slowed(factor))(*where)
         change = loads.needed(loads.demands.max(axis=0), at_least=0.0).factor
         factor *= min(max(change, 1 / _MOST_CHANGE), _MOST_CHANGE)
         if abs(change - 1) < _ROUGH:
@@ -277,4 +263,5 @@ def rough_factor(problem: Problem, trajectory: Trajectory) -> float:
 
 def _mixed(problem: Problem) -> Truths:
     """Which rows of a scene mix powers of the speed, (rows,)."""
-    return np.asarray(exponents_in(problem) == MIXED)
+    powers = exponents(problem.model.functions, problem.limits.constraints)
+    return np.asarray(powers == MIXED)

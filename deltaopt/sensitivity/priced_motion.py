@@ -133,7 +133,7 @@ class PricedMotion:
     def _rows(self, problem: Problem, motion: Trajectory) -> Array:
         """Rows of a problem at the points, (N, points, rows)."""
         places = everywhere(len(self.prices), self.fractions)
-        rows = LoadsOfMotion.of(problem, motion)(*places).rows.reshape(self.prices.shape)
+        rows = LoadsOfMotion(problem, motion)(*places).rows.reshape(self.prices.shape)
         phased = problem.limits.phased
         if phased is not None:
             rows[:, :, phased.rows] = approach_rows(problem, motion, self.fractions)
