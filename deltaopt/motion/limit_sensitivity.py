@@ -13,10 +13,9 @@ and limits of other orders play no part, T ~ c^(-1/2) if the torques of all moto
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
-from typing import Protocol
 
 import numpy as np
 
@@ -33,31 +32,18 @@ _TOLD_SHARE, _TOLD_SAVING = 0.005, 0.001
 which it is told: less would read as nothing."""
 
 
-class Multipliers(Protocol):
+@dataclass(frozen=True, eq=False)
+class Multipliers:
     """The multipliers of the limits of a fastest motion.
 
     ``limits``: whose they are. A plan may have been found with other limits than its scene has: a
     distance from a singularity is kept besides, bodies that are far away are left out.
+    ``of_rows``: by what share the duration grows per unit by which the bound of each normalised row
+    is tightened, at all instants alike, (rows,); zero or more. It may take long.
     """
 
-    @property
-    def limits(self) -> SceneLimits: ...
-
-    def of_rows(self) -> Array:
-        """By what share the duration grows per unit by which the bound of each normalised row is
-        tightened, at all instants alike, (rows,); zero or more."""
-
-
-@dataclass(frozen=True, eq=False)
-class MeshMultipliers:
-    """Those at the points of a mesh: ``each``, (N, points, rows), negative at lower bounds."""
-
     limits: SceneLimits
-    each: Array
-
-    def of_rows(self) -> Array:
-        """See ``Multipliers``."""
-        return np.asarray(np.abs(self.each).sum(axis=(0, 1)))
+    of_rows: Callable[[], Array]
 
 
 @dataclass(frozen=True)

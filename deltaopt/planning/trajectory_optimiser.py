@@ -14,7 +14,7 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.errors import ENDS_AN_ATTEMPT, DeltaOptError, Infeasible, NotConverged
 from deltaopt.limits.running_cost import Running
-from deltaopt.motion.limit_sensitivity import MeshMultipliers
+from deltaopt.motion.limit_sensitivity import Multipliers
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory, moving_on
 from deltaopt.planning.attempts import Attempt
@@ -364,10 +364,11 @@ def _best_of(meshes: Sequence[MeshSolution]) -> int:
     return min(range(len(meshes)), key=merit)
 
 
-def _multipliers(found: MeshSolution) -> MeshMultipliers | None:
+def _multipliers(found: MeshSolution) -> Multipliers | None:
     """Of all limits on a mesh; with resolved switches those of the last mesh before."""
     limits, solution = found.scaling.limits, found.solution
-    return MeshMultipliers(limits, solution.multipliers) if solution.all_at_points else None
+    of_rows = partial(np.abs(solution.multipliers).sum, axis=(0, 1))
+    return Multipliers(limits, of_rows) if solution.all_at_points else None
 
 
 _program = lru_cache(maxsize=64)(ProblemFormulation.of)

@@ -15,7 +15,6 @@ import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.piecewise import Array
-from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.planning.path.path_mesh import LONGEST, SERIES, STOPPING, MeshMotion, PathMesh
 from deltaopt.planning.path.path_rows import RESTING, PathRows, State, kept_rows
 from deltaopt.planning.path.sweep import FASTEST, Speeds, Unattainable, compiled, swept
@@ -164,7 +163,6 @@ class PathMultipliers:
     start and goal.
     """
 
-    limits: SceneLimits
     rows: PathRows
     on_mesh: OnMesh
     ends: tuple[float, float]
@@ -172,7 +170,7 @@ class PathMultipliers:
     def of_rows(self) -> Array:
         """By what share the duration grows per unit by which the bound of each normalised row is
         tightened, all along the path, (rows,); NaN where no motion keeps a tighter bound."""
-        constraints = self.limits.constraints
+        constraints = self.rows.limits.constraints
         kept, found = kept_rows(constraints), np.zeros(constraints.number)
         # Rows of order 1 are swept as their squares, whose bounds move twice as much.
         moves = np.where(constraints.orders[kept] == 1, 2.0, 1.0)

@@ -12,6 +12,7 @@ import numpy as np
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import RULED_OUT, Infeasible, NotConverged, if_possible, in_words
+from deltaopt.motion.limit_sensitivity import Multipliers
 from deltaopt.motion.sure_bounds import signed_distances, sure_excess
 from deltaopt.motion.time_scaling import highest_rows, safe_factor
 from deltaopt.motion.trajectory import Trajectory
@@ -75,14 +76,14 @@ def fastest_on_path(scene: Scene, tolerance: float, report: Progress) -> Plan:
     task = scene.task
     assert isinstance(task, OnPath)
     first, last = task.rates
-    timing = PathTiming(PathRows.of(scene), (first**2, last**2), tolerance, report)
+    timing = PathTiming(PathRows(scene), (first**2, last**2), tolerance, report)
     planned = _slowed if task.speeds == (0.0, 0.0) else _held
     trajectory, gap, on_mesh = planned(scene, timing)
     _require_positions(scene, trajectory)
     if trajectory.duration < scene.least_duration:
         trajectory = _waiting(scene, task, trajectory)
         gap = 0.0  # nothing is faster than what rotation takes
-    limits = limits_of(scene).up_to(2)
+    of_rows = PathMultipliers(timing.rows, on_mesh, timing.ends).of_rows
     return Plan(
         scene=scene,
         trajectory=trajectory,
@@ -93,7 +94,7 @@ def fastest_on_path(scene: Scene, tolerance: float, report: Progress) -> Plan:
         iterations=timing.meshes,
         gap=gap,
         tolerance=tolerance,
-        multipliers=PathMultipliers(limits, timing.rows, on_mesh, timing.ends),
+        multipliers=Multipliers(timing.rows.limits, of_rows),
     )
 
 
@@ -104,7 +105,7 @@ def roughly_on_path(scene: Scene, tolerance: float) -> Trajectory:
     Raises Infeasible where no motion on the path keeps the limits, Unreachable and Singular where
     the path leads out of the workspace.
     """
-    timing = PathTiming(PathRows.of(scene), (0.0, 0.0), tolerance, lambda _: None)
+    timing = PathTiming(PathRows(scene), (0.0, 0.0), tolerance, lambda _: None)
     found, _ = timing.fastest(_SHARES[0])
     return _on_mesh(scene, found)
 

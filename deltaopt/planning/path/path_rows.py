@@ -21,15 +21,13 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction
-from deltaopt.curves.piecewise import Array, Index, Truths
+from deltaopt.curves.piecewise import Array, Index
 from deltaopt.errors import SceneError
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import PlatformInstant
-from deltaopt.robot.machine import Model
 from deltaopt.robot.model import model_of
 from deltaopt.scene.known_limits import limits_of
-from deltaopt.scene.path import Path
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath
 
@@ -67,7 +65,6 @@ class AffineRows:
         return AffineRows(self.alpha, self.beta, self.low + by, self.high - by)
 
 
-@dataclass(frozen=True, eq=False)
 class PathRows:
     """The limits that a motion must keep, on a path.
 
@@ -75,38 +72,24 @@ class PathRows:
     a lower and an upper bound, (rows, 2). ``curved``: indices of those that are not affine in u.
     """
 
-    path: Path
-    model: Model
-    function: RowFunction
-    expansion: RowFunction | None
-    parameters: Array
-    sides: Truths
-    curved: Index
-
-    @classmethod
-    def of(cls, scene: Scene) -> PathRows:
+    def __init__(self, scene: Scene) -> None:
         """Those of a scene, without margins that only a planner of free paths keeps.
 
         Raises SceneError for a limit that tangents do not bound: one curved in u from below.
         """
-        limits, model = limits_of(scene).up_to(2), model_of(scene.robot, scene.payload)
-        functions, constraints = model.functions, limits.constraints
+        self.limits, self.model = limits_of(scene).up_to(2), model_of(scene.robot, scene.payload)
+        functions, constraints = self.model.functions, self.limits.constraints
         assert isinstance(scene.task, OnPath)
-        curved = _curved(functions, constraints)
-        for row in kept_rows(constraints)[curved].tolist():
+        self.path, self.curved = scene.task.path, _curved(functions, constraints)
+        for row in kept_rows(constraints)[self.curved].tolist():
             if constraints.sides[row, 0]:
                 name = constraints.label(row)
                 expected = f"no limit beside it that bounds {name} from below by a curved row"
                 raise SceneError(None, "path", scene.task.description, expected)
-        return cls(
-            scene.task.path,
-            model,
-            _function(functions, constraints),
-            _expansion(functions, constraints) if len(curved) else None,
-            np.concatenate([limits.numbers, model.parameters]),
-            constraints.sides[kept_rows(constraints)],
-            curved,
-        )
+        self.function = _function(functions, constraints)
+        self.expansion = _expansion(functions, constraints) if len(self.curved) else None
+        self.parameters = np.concatenate([self.limits.numbers, self.model.parameters])
+        self.sides = constraints.sides[kept_rows(constraints)]
 
     @cached_property
     def owners(self) -> Index:

@@ -233,7 +233,7 @@ def test_one_call_for_a_mesh_is_what_arrays_do(monkeypatch):
     rng = np.random.default_rng(1)
     for limits in (None, {"acceleration": 60.0}):
         scene = on(CROSS, ROUNDED, limits=limits)
-        rows, path = PathRows.of(scene), scene.task.path
+        rows, path = PathRows(scene), scene.task.path
         mesh = PathMesh.first(path, 60)
         n = 2 * len(mesh.h)
         state = rng.uniform(1.0, 4.0, n), rng.normal(size=n)
