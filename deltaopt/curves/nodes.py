@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -25,21 +24,18 @@ def lagrange(nodes: Array) -> list[Polynomial]:
     return [product / product(node) for product, node in zip(products, nodes, strict=True)]
 
 
-@dataclass(frozen=True)
 class Collocation:
     """Of differential equations on an interval: Butcher's ``a``, (s, s), and ``weights``, (s,);
     ``fractions``: the beginning, the nodes, the end, (s + 2,)."""
 
-    a: Array
-    weights: Array
-    fractions: Array
+    def __init__(self, stages: int) -> None:
+        """At Gauss's points: of order 2 s."""
+        nodes, _ = gauss(stages)
+        integrals = [each.integ() for each in lagrange(nodes)]
+        self.a = np.stack([integral(nodes) for integral in integrals], axis=1)
+        self.weights = np.array([integral(1.0) for integral in integrals])
+        self.fractions = np.concatenate([[0.0], nodes, [1.0]])
 
 
-@lru_cache(maxsize=8)
-def collocation(stages: int) -> Collocation:
-    """At Gauss's points: of order 2 s."""
-    nodes, _ = gauss(stages)
-    integrals = [each.integ() for each in lagrange(nodes)]
-    a = np.stack([integral(nodes) for integral in integrals], axis=1)
-    weights = np.array([integral(1.0) for integral in integrals])
-    return Collocation(a, weights, np.concatenate([[0.0], nodes, [1.0]]))
+collocation = lru_cache(maxsize=8)(Collocation)
+"""By so many stages, found once in a process."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -61,13 +61,9 @@ def limit_curves(
 
     Margins that only the planner keeps are left out.
     """
-    model, limits = problem.model, problem.limits
-    function = _measures(model.functions, limits.constraints)
-    path = trajectory.path_inside(fractions, limits.constraints.order)
-    parameters = np.concatenate([limits.numbers, model.parameters])
-    (values,) = function(*path, parameters=parameters)
-    lower, upper = limits.bounds
-    constraints = limits.constraints
+    constraints, (lower, upper) = problem.limits.constraints, problem.limits.bounds
+    path = trajectory.path_inside(fractions, constraints.order)
+    values = _measured(problem.model, problem.limits, *path)
     for limit, rows in zip(constraints.limits, constraints.slices, strict=True):
         used = np.isfinite(lower[rows]) | np.isfinite(upper[rows])
         if limit.promised:
@@ -84,7 +80,6 @@ def curves_over_time(
     return trajectory.inside_intervals(inside), list(limit_curves(problem, trajectory, inside))
 
 
-@dataclass(frozen=True)
 class LimitShares:
     """Every quantity that a scene limits, as a share of its bound: 1 at the bound.
 
@@ -92,20 +87,12 @@ class LimitShares:
     falls by the distance from it over the quantity's natural size.
     """
 
-    model: Model
-    limits: SceneLimits
-
-    @classmethod
-    def of(cls, problem: Problem) -> LimitShares:
+    def __init__(self, problem: Problem) -> None:
         """Of the limits that a motion must keep, without margins that only the planner keeps, and
         without those of jerk and torque rate: what moves between rows of a table has its own."""
-        return cls(problem.model, problem.limits.up_to(2))
-
-    @cached_property
-    def _columns(self) -> list[tuple[int, int]]:
-        """Of each column the row and which of its bounds: 0 the lower, 1 the upper."""
-        of = self.limits.constraints
-        return [
+        self.model, self._limits = problem.model, problem.limits.up_to(2)
+        of = self._limits.constraints
+        self._columns = [  # of each the row and which of its bounds: 0 the lower, 1 the upper
             (row, side)
             for limit, rows in zip(of.limits, of.slices, strict=True)
             for side in (1, 0)
@@ -116,17 +103,22 @@ class LimitShares:
     @property
     def named(self) -> list[tuple[str, str]]:
         """Limit and subject of each column, such as ("torque", "motor 2")."""
-        return [self.limits.constraints.named(row) for row, _ in self._columns]
+        return [self._limits.constraints.named(row) for row, _ in self._columns]
 
     def __call__(self, x: Array, v: Array, a: Array) -> Array:
         """The shares, (N, columns), of a motion of the tool's point, (N, 3) each."""
-        limits, (rows, sides) = self.limits, np.array(self._columns).T
-        function = _measures(self.model.functions, limits.constraints)
-        parameters = np.concatenate([limits.numbers, self.model.parameters])
-        (values,) = function(x, v, a, parameters=parameters)
+        limits, (rows, sides) = self._limits, np.array(self._columns).T
+        values = _measured(self.model, limits, x, v, a)
         bounds = np.stack(limits.bounds)[sides, rows]
         over = np.where(sides, values[:, rows] - bounds, bounds - values[:, rows])
         return np.asarray(1 + over / limits.scales[rows])
+
+
+def _measured(model: Model, limits: SceneLimits, *motion: Array) -> Array:
+    """The quantities of all limits, (N, rows), from position and derivatives by time, (N, 3)
+    each."""
+    parameters = np.concatenate([limits.numbers, model.parameters])
+    return _measures(model.functions, limits.constraints)(*motion, parameters=parameters)[0]
 
 
 @lru_cache(maxsize=16)

@@ -20,7 +20,6 @@ bounds it from below, and with it θ̇ and θ̈. Parts of a motion are halved un
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -62,7 +61,7 @@ def least_rooms(
         looked_at.setdefault(body, []).append(link)
 
     def unknown(parts: Parts, is_last: bool) -> Truths:
-        lines = _lines(delta_model(scene.robot, motion.model.payload), parts)
+        lines = _Lines(delta_model(scene.robot, motion.model.payload), parts)
         is_open = np.zeros(len(parts), np.bool)
         for b, links in looked_at.items():
             now, bound = lines.rooms(links, bodies[b], kept)  # (parts, links) each
@@ -94,19 +93,30 @@ def planned_distances(scene: Scene, x: Array) -> tuple[Array, Array]:
     return distances, slopes
 
 
-@dataclass(frozen=True)
 class _Lines:
     """The lines of all links in the middles of parts of a motion: where they begin and end,
     (parts, 6, 3), m, and how fast both ends move, m/s. ``bends``: what the ends' accelerations are
     at most in the parts, (parts, 6, 2), m/s²: infinite where that is not known. ``half``: of the
     parts' durations, s."""
 
-    begins: Array
-    ends: Array
-    begin_rates: Array
-    end_rates: Array
-    bends: Array
-    half: Array
+    def __init__(self, model: DeltaModel, parts: Parts) -> None:
+        """Of the links of a robot's model."""
+        robot = model.robot
+        v, geometry = parts.at(1), LinkGeometry.of(model, parts.at())
+        speed, bend = parts.largest(1)[:, None], parts.largest(2)[:, None]
+        lever, half = np.abs(geometry.levers), parts.half[:, None]
+        arm, forearm = robot.upper_arm.length, robot.forearm.length
+        of_elbows = _elbow_bends(lever, speed, bend, half, arm, forearm)
+        of_pins, still = np.broadcast_to(bend, lever.shape), np.zeros_like(geometry.elbows)
+        along = (geometry.directions * v[:, None]).sum(axis=2) / geometry.levers
+        elbow_rates = along[..., None] * geometry.ahead
+        pin_rates = np.broadcast_to(v[:, None], still.shape)
+        of_begins, of_ends = each_link(still[..., 0], of_elbows), each_link(of_elbows, of_pins)
+        self.begins, self.ends = geometry.links
+        self.begin_rates = each_link(still, elbow_rates)
+        self.end_rates = each_link(elbow_rates, pin_rates)
+        self.bends = np.stack([of_begins, of_ends], axis=2)
+        self.half = parts.half
 
     def rooms(self, links: list[int], body: Solid, kept: Array) -> tuple[Array, Array]:
         """By how much more than is kept, (6,), m, the lines of some links stay away from a body:
@@ -121,28 +131,6 @@ class _Lines:
         off = self.bends[:, links] * self.half[:, None, None] ** 2 / 2
         bound = distance + (ahead - moved - off).min(axis=2)
         return distance - kept[links], bound - kept[links]
-
-
-def _lines(model: DeltaModel, parts: Parts) -> _Lines:
-    """The lines of all links in the middles of parts, and what their ends do in these."""
-    robot = model.robot
-    v, geometry = parts.at(1), LinkGeometry.of(model, parts.at())
-    speed, bend = parts.largest(1)[:, None], parts.largest(2)[:, None]
-    lever, half = np.abs(geometry.levers), parts.half[:, None]
-    arm, forearm = robot.upper_arm.length, robot.forearm.length
-    of_elbows = _elbow_bends(lever, speed, bend, half, arm, forearm)
-    of_pins, still = np.broadcast_to(bend, lever.shape), np.zeros_like(geometry.elbows)
-    along = (geometry.directions * v[:, None]).sum(axis=2) / geometry.levers
-    elbow_rates = along[..., None] * geometry.ahead
-    pin_rates = np.broadcast_to(v[:, None], still.shape)
-    of_begins, of_ends = each_link(still[..., 0], of_elbows), each_link(of_elbows, of_pins)
-    return _Lines(
-        *geometry.links,
-        each_link(still, elbow_rates),
-        each_link(elbow_rates, pin_rates),
-        np.stack([of_begins, of_ends], axis=2),
-        parts.half,
-    )
 
 
 def _elbow_bends(

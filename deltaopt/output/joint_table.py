@@ -235,7 +235,7 @@ def demand_of(scene: Scene, angles: PiecewisePolynomial) -> Demand:
 
     Raises Unreachable or Singular where the robot cannot follow.
     """
-    limits, lengths = LimitShares.of(problem_of(scene)), np.diff(angles.knots)
+    limits, lengths = LimitShares(problem_of(scene)), np.diff(angles.knots)
 
     def shares(pieces: Index, fractions: Array) -> Array:
         motion = angles.with_derivatives(pieces, fractions * lengths[pieces])

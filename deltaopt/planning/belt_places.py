@@ -62,7 +62,7 @@ class PlacesOnBelt:
         if given is not None:  # the belt is at a known place then
             found = self._plan_to(given)
             return replace(found, scene=self.scene) if found else None
-        times = Meetings.of(self.scene, self.scene.task.goal).durations
+        times = Meetings(self.scene).durations
         if not len(times):
             return None
         late, found = 0.0, None

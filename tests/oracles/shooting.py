@@ -139,7 +139,7 @@ class _Shooting:
 
     @cached_property
     def active(self) -> ActiveRows:
-        return ActiveRows.of(self.rows, self.structure)
+        return ActiveRows(self.rows, self.structure)
 
     def _speed_misses(self, a: int, x: Array, v: Array) -> list[Array]:
         new = [entry for entry in self.active.entries if entry.arc == a]

@@ -99,7 +99,7 @@ def test_when_a_belt_can_be_met_is_what_the_kinematics_say():
     for _ in range(5):
         at = (0.85, *rng.uniform(-0.4, 0.4, 2))
         belt = (0.0, *rng.uniform(-3.0, 3.0, 2))
-        meetings = Meetings.of(towards(at, belt), towards(at, belt).task.goal)
+        meetings = Meetings(towards(at, belt))
         for t, possible in zip(meetings.times, meetings.possible, strict=True):
             place = np.array(at) + t * np.array(belt)
             try:
@@ -127,7 +127,7 @@ def test_a_belt_that_comes_is_waited_for(coming):
     """It is met nearly as soon as that is possible, at the edge of the reach."""
     scene, found = coming
     assert verify(scene, found.trajectory).failures() == []
-    first = Meetings.of(scene, scene.task.goal).durations[0]
+    first = Meetings(scene).durations[0]
     assert found.duration == pytest.approx(first, rel=0.02)
 
 
@@ -188,7 +188,7 @@ def test_a_belt_that_no_motion_gets_to_in_time_is_refused_unsolved(monkeypatch):
     said = refusal(away)
     assert "too late: positions and speeds allow to meet it from 0 to 0.0" in said
     least = float(re.search(r"takes less than (\S+) s", said).group(1))
-    assert least >= Meetings.of(away, away.task.goal).durations[-1]
+    assert least >= Meetings(away).durations[-1]
     assert least == pytest.approx(soonest(away, away.goal.at), rel=0.2)
 
 
@@ -197,7 +197,7 @@ def test_out_of_reach_no_belt_is_met_though_no_limit_says_so():
     drive = SCENE.robot.drive.model_copy(update={"speed": None})
     robot = SCENE.robot.model_copy(update={"drive": drive})
     scene = towards((0.85, 0.05, 0.0), (0, 0, 1.0), robot=robot)
-    meetings, model = Meetings.of(scene, scene.task.goal), delta_model(robot, None)
+    meetings, model = Meetings(scene), delta_model(robot, None)
     closes = [
         if_possible((DeltaOptError,), model.inverse_kinematics, np.array([[0.85, 0.05, t]]))
         is not None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +22,6 @@ _TRIED = 24
 """Durations of first motions among those at which the belt can be met."""
 
 
-@dataclass(frozen=True, eq=False)
 class Meetings:
     """The way of a belt near the robot, looked at in ``_PLACES`` places.
 
@@ -33,25 +31,17 @@ class Meetings:
     others; not a number out of reach.
     """
 
-    scene: Scene
-    goal: Boundary
-    near: float
-    times: Array
-    sizes: Array
-
-    @classmethod
-    def of(cls, scene: Scene, goal: Boundary) -> Meetings:
-        """Where the belt is from the motion's start on and while it is near the robot."""
-        near = scene.robot.farthest
-        times = _times_within(goal, near)
-        if not len(times):
-            return cls(scene, goal, near, times, np.zeros((0, 1)))
-        since = times - times[0]
-        line = np.array([[goal.at(times[0], goal.position).position, goal.velocity]])
-        fractions = since / since[-1]
-        sizes = sizes_at(problem_of(scene), line, since[-1:], fractions)[0]
-        counted = limits_of(scene).constraints.orders < 2
-        return cls(scene, goal, near, times, sizes * counted)  # out of reach is out of reach
+    def __init__(self, scene: Scene) -> None:
+        """Where a scene's goal is from the motion's start on and while it is near the robot."""
+        self.scene, self.goal, self.near = scene, scene.task.goal, scene.robot.farthest
+        self.times, self.sizes = _times_within(self.goal, self.near), np.zeros((0, 1))
+        if len(self.times):
+            since = self.times - self.times[0]
+            first = self.goal.at(self.times[0], self.goal.position)
+            line = np.array([[first.position, first.velocity]])
+            sizes = sizes_at(problem_of(scene), line, since[-1:], since / since[-1])[0]
+            counted = limits_of(scene).constraints.orders < 2
+            self.sizes = sizes * counted  # out of reach is out of reach
 
     @cached_property
     def possible(self) -> Truths:
@@ -142,7 +132,7 @@ def not_found(scene: Scene, tried: int) -> str:
     given = scene.objective.given_duration
     in_time = "" if given is None else f" of {given:.6g} s"
     if goal.moves:
-        allowed = Meetings.of(scene, goal).in_words
+        allowed = Meetings(scene).in_words
         sought = f" that meets {goal.description}, which positions and speeds allow {allowed}"
     elif not goal.is_anywhere and goal.velocity != REST:
         sought = f" that passes {goal.description}, a point that stands still"

@@ -150,7 +150,7 @@ def shortest_to_goal(scene: Scene, family: Family, most: float = NEARLY) -> Traj
     """
     goal, found = scene.task.goal, None
     if goal.moves:
-        meetings = Meetings.of(scene, goal).require_any()
+        meetings = Meetings(scene).require_any()
         durations = np.union1d(meetings.durations, meetings.within(_DURATIONS))
         found = shortest_of(scene, family, durations, most)
     return found or shortest_of(scene, family, most=most)
@@ -162,7 +162,7 @@ def _waiting(scene: Scene, most: float) -> Iterator[Trajectory]:
     task = scene.task
     if not task.goal.moves or task.start.velocity != REST:
         return
-    meetings = Meetings.of(scene, task.goal)
+    meetings = Meetings(scene)
     if meetings.is_possible_at_once:
         return
     for time in meetings.durations[:_SOONEST].tolist():

@@ -10,7 +10,6 @@ platform can be held at rest (``room_at_rest``); a path alone is found with any 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from math import inf
@@ -71,7 +70,7 @@ def path_over_grid(scene: Scene, steps: int, room: Room) -> Array | None:
 
     ``steps``: of the grid along the longest reach of a chain. ``room``: where the platform may be.
     """
-    return _Grid.of(scene, steps, room).path()
+    return _Grid(scene, steps, room).path()
 
 
 def spacing(scene: Scene, steps: int) -> float:
@@ -79,26 +78,19 @@ def spacing(scene: Scene, steps: int) -> float:
     return scene.robot.reach / steps
 
 
-@dataclass(frozen=True)
 class _Grid:
-    """Points of the workspace, (nx, ny, nz, 3) in m, and the room at each of them."""
+    """``points`` of the workspace, (nx, ny, nz, 3) in m, and the ``room`` at each of them."""
 
-    scene: Scene
-    room_at: Room
-    points: Array
-    room: Array
-
-    @classmethod
-    def of(cls, scene: Scene, steps: int, room_at: Room) -> _Grid:
+    def __init__(self, scene: Scene, steps: int, room_at: Room) -> None:
+        """As of ``path_over_grid``."""
+        self.scene, self.room_at = scene, room_at
         h = spacing(scene, steps)
-        robot = scene.robot
-        wide = steps + int(np.ceil(robot.width / h))
+        wide = steps + int(np.ceil(scene.robot.width / h))
         depths = h * np.arange(-steps // 4, steps + 1)
         across = h * np.arange(-wide, wide + 1)
         mesh = np.meshgrid(depths, across, across, indexing="ij")
-        points = np.stack(mesh, axis=-1) + robot.tool_offset
-        room = room_at(points.reshape(-1, 3)).reshape(points.shape[:3])
-        return cls(scene, room_at, points, room)
+        self.points = np.stack(mesh, axis=-1) + scene.robot.tool_offset
+        self.room = room_at(self.points.reshape(-1, 3)).reshape(self.points.shape[:3])
 
     def path(self) -> Array | None:
         """The best path from start to goal, (n, 3), m; None where the grid has none."""

@@ -64,7 +64,7 @@ def through_gates(scene: Scene) -> Iterator[Proposal]:
     """
     moving, ways = scene.moves_at_ends, list(places_of_gates(scene))
     if scene.task.goal.moves:
-        Meetings.of(scene, scene.task.goal).require_any()
+        Meetings(scene).require_any()
     at_rest = [partial(_spline_at_rest, power=each) for each in _AT_REST]
     in_motion = [partial(_moving_spline, most=each) for each in (QUICK, NEARLY)]
     for places in ways:

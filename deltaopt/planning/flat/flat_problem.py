@@ -21,7 +21,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import pairwise
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 
@@ -130,33 +130,26 @@ _DIGITS = 9
 """Decimals of places in thirds: thirds are no binary fractions."""
 
 
-@dataclass(frozen=True)
 class _EndsOfThirds:
     """How multipliers at the points of an interval add up to those at both ends of each third:
     weights, (3, 2, points) each. ``one_sided``: of rows that jump from one third to the next.
     ``shared``: of rows that do not, which both thirds share. ``back``: from ends to points."""
 
-    one_sided: Array
-    shared: Array
-    back: Array
-
-    @classmethod
-    def of(cls, points: IntervalPoints) -> Self:
+    def __init__(self, points: IntervalPoints) -> None:
         """Those of some points; one inside a third belongs to both of its ends."""
         thirds = np.array(points.thirds)
         place = (3 * np.array(points.fractions) - thirds).round(_DIGITS)  # in its third, 0 to 1
         of_third = np.arange(3)[:, None, None] == thirds
-        one_sided = np.where(of_third, np.array([1 - place, place]), 0.0)
-        shared = one_sided.copy()
+        self.one_sided = np.where(of_third, np.array([1 - place, place]), 0.0)
+        self.shared = self.one_sided.copy()
         for before in (0, 1):
-            both = one_sided[before, 1] + one_sided[before + 1, 0]
-            shared[before, 1] = shared[before + 1, 0] = both / 2
-        own = one_sided == 1
-        back = np.where(own.any(axis=2, keepdims=True), own, shared > 0)
-        return cls(one_sided, shared, back.astype(float))
+            both = self.one_sided[before, 1] + self.one_sided[before + 1, 0]
+            self.shared[before, 1] = self.shared[before + 1, 0] = both / 2
+        own = self.one_sided == 1
+        self.back = np.where(own.any(axis=2, keepdims=True), own, self.shared > 0).astype(float)
 
 
-_ends_of_thirds = lru_cache(maxsize=8)(_EndsOfThirds.of)
+_ends_of_thirds = lru_cache(maxsize=8)(_EndsOfThirds)
 """Of all meshes with the same points."""
 
 

@@ -71,7 +71,6 @@ def state_rows(rows: ConstraintRows, arc: Arc) -> list[tuple[int, int]]:
     ]
 
 
-@dataclass(frozen=True)
 class ActiveRows:
     """The rows that are active on each arc: one for each motor at every node, and entry conditions.
 
@@ -80,27 +79,21 @@ class ActiveRows:
     (arc, motor) where the row is a singular control, whose value is an unknown polynomial.
     """
 
-    row: Index
-    value: Array
-    follows: Truths
-    singular: tuple[tuple[int, int], ...]
-    entries: tuple[EntryCondition, ...]
-
-    @classmethod
-    def of(cls, rows: ConstraintRows, structure: SwitchingStructure) -> ActiveRows:
+    def __init__(self, rows: ConstraintRows, structure: SwitchingStructure) -> None:
         """The active rows of a structure. A state limit is held in place of a control that is at no
         limit: the motor's own, or another's if its own is at a limit."""
-        row, singular = np.empty((len(structure.limits), rows.motors), np.intp), []
+        self.row = np.empty((len(structure.limits), rows.motors), np.intp)
+        singular = list[tuple[int, int]]()
         for a, arc in enumerate(structure.limits):
-            row[a] = rows.control
+            self.row[a] = rows.control
             left = [k for k, limits in enumerate(arc) if not limits.control]
             own_first = sorted(state_rows(rows, arc), key=lambda state: state[0] not in left)
             for k, state in own_first:
-                row[a, left.pop(left.index(k) if k in left else 0)] = state
+                self.row[a, left.pop(left.index(k) if k in left else 0)] = state
             singular += [(a, k) for k in left]
-        value = structure.control.astype(np.float64)
-        follows = np.asarray(row != rows.control)
-        return cls(row, value, follows, tuple(singular), tuple(_entries(rows, structure)))
+        self.value, self.singular = structure.control.astype(np.float64), tuple(singular)
+        self.follows = np.asarray(self.row != rows.control)
+        self.entries = tuple(_entries(rows, structure))
 
     def is_singular(self) -> Truths:
         """Where a control is singular, (arcs, m)."""
@@ -158,7 +151,7 @@ class OptimalityConditions:
     @cached_property
     def active(self) -> ActiveRows:
         """The rows that are active on each arc."""
-        return ActiveRows.of(self.rows, self.structure)
+        return ActiveRows(self.rows, self.structure)
 
     @cached_property
     def index(self) -> KKTIndex:

@@ -147,7 +147,7 @@ class _Newton:
             raise NewtonFailed("there is no step")
         share = self._share(step, longest)
         for _ in range(_CUTS):
-            moved = KKTSystem(self._conditions, system.at + step.times(share), self._barrier)
+            moved = KKTSystem(self._conditions, system.at.moved(step, share), self._barrier)
             if np.isfinite(moved.residual):
                 break
             share /= 3
@@ -170,7 +170,7 @@ class _Newton:
             return converged
         point = _with_multipliers(self._conditions, converged)
         step = KKTSystem(self._conditions, point).step(redundant=_SYMMETRIC)
-        polished = point if step is None else point + step
+        polished = point if step is None else point.moved(step)
         left = KKTSystem(self._conditions, polished).residual
         return polished if left < _STALLED else converged
 

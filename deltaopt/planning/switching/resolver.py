@@ -112,15 +112,15 @@ class SwitchResolver:
     @property
     def _held(self) -> Truths:
         """Which rows of all limits are of those that arcs can hold, (rows,)."""
-        slices, kept = self.all_rows.constraints.slices, self.scaling.kept
+        slices, kept = self.all_rows.constraints.slices, self.scaling.kept or ()
         held = np.zeros(self.all_rows.constraints.number, bool)
         for i, rows in enumerate(slices):
-            held[rows] = kept is None or i in kept
+            held[rows] = i in kept
         return held
 
     def _barriers(self, structure: SwitchingStructure) -> tuple[float, ...]:
         """Without one first; then with, where there is anything to be kept within limits."""
-        active = ActiveRows.of(self.rows, structure)
+        active = ActiveRows(self.rows, structure)
         if self.rows.state(1) is None and not (active.singular or active.follows.any()):
             return (0.0,)
         return 0.0, self.tolerance / 10
@@ -130,8 +130,6 @@ def resolver(scaling: Scaling, tolerance: float, tell: Callable[[str], None]) ->
     """For a scene; where arcs can hold none of its motions it certifies mesh solutions only."""
     functions = scaling.problem.model.functions
     all_rows = constraint_rows(point_equations(functions, scaling.constraints))
-    if can_be_held(all_rows.constraints):
-        return SwitchResolver(all_rows, all_rows, scaling, tolerance, tell)
     held = replace(scaling, kept=holdable(scaling.constraints))
     rows = constraint_rows(point_equations(functions, held.constraints))
     return SwitchResolver(rows, all_rows, held, tolerance, tell)

@@ -3,7 +3,7 @@ the condensed KKT system."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -37,13 +37,10 @@ class PrimalDualPoint:
     upper: Array
     lower: Array
 
-    def __add__(self, step: PrimalDualPoint) -> PrimalDualPoint:
-        names = (field.name for field in fields(self))
-        return PrimalDualPoint(*(getattr(self, name) + getattr(step, name) for name in names))
-
-    def times(self, share: float) -> PrimalDualPoint:
-        """A part of a step."""
-        return PrimalDualPoint(*(share * getattr(self, field.name) for field in fields(self)))
+    def moved(self, step: PrimalDualPoint, share: float = 1.0) -> PrimalDualPoint:
+        """The point after a part of a step."""
+        pairs = zip(vars(self).values(), vars(step).values(), strict=True)
+        return PrimalDualPoint(*(value + share * more for value, more in pairs))
 
     @property
     def duration(self) -> float:
