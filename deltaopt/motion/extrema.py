@@ -32,19 +32,13 @@ _WINDOW_STEPS = 24  # in a window of a valley
 _VALLEY_ROUNDS = 4  # beyond (1/8)⁴ of a step rounding hides where a valley is lowest
 
 
-@dataclass
 class Peaks:
     """Largest value so far of each of c functions, and where: value, interval, fraction (c,)."""
 
-    values: Array
-    intervals: Index
-    fractions: Array
-
-    @classmethod
-    def none(cls, functions: int) -> Peaks:
+    def __init__(self, functions: int) -> None:
         """Before anything was seen."""
-        where = np.zeros(functions, dtype=np.intp)
-        return cls(np.full(functions, -np.inf), where, np.zeros(functions))
+        self.values, self.fractions = np.full(functions, -np.inf), np.zeros(functions)
+        self.intervals: Index = np.zeros(functions, dtype=np.intp)
 
     def see(self, intervals: Index, fractions: Array, values: Array) -> None:
         """Keep what is larger among values (N, c)."""
@@ -86,7 +80,7 @@ def peaks(curves: Curves, fractions: Array, values: Array) -> Peaks:
     8 times as close, twice: for a smooth function the value is then right to about 1e-12.
     """
     intervals = len(values) // len(fractions)
-    highest = Peaks.none(values.shape[1])
+    highest = Peaks(values.shape[1])
     highest.see(*everywhere(intervals, fractions), values)
     if np.isfinite(values).all():
         grid = values.reshape(intervals, len(fractions), -1)
@@ -106,7 +100,7 @@ def ridges(curves: Curves, fractions: Array, values: Array) -> Peaks:
     beside = np.pad(grid, ((0, 0), (1, 1), (0, 0)), constant_values=-np.inf)
     top = (grid >= beside[:, :-2]) & (grid >= beside[:, 2:])
     falls = np.abs(np.diff(grid, axis=1)).max(axis=(0, 1))
-    highest = Peaks.none(values.shape[1])
+    highest = Peaks(values.shape[1])
     highest.see(*everywhere(len(grid), fractions), values)
     interval, sample, function = np.nonzero(top & (grid + falls >= highest.values))
     where, step = fractions[sample], float(fractions[1] - fractions[0])

@@ -88,7 +88,7 @@ def needed_slowing(
             loads = slowed(*everywhere(intervals, fractions))
         if closely:
             return _highest(slowed, size, fractions, loads)
-        highest = Peaks.none(constraints.number)
+        highest = Peaks(constraints.number)
         highest.see(*everywhere(intervals, fractions), size(loads))
         return highest
 
@@ -111,7 +111,7 @@ def _ridges(
     sampled: Loads,
 ) -> Peaks:
     """The highest sizes of rows at kinks, of those that have any and are known."""
-    found, ridged = Peaks.none(constraints.number), constraints.ridged
+    found, ridged = Peaks(constraints.number), constraints.ridged
     if not ridged.any() or not np.isfinite(sampled.rows).all():
         return found
 

@@ -178,7 +178,10 @@ class MeshSolution:
         objective = self.problem.objective
         missed = missed_cost(self.trajectory, objective, self.scaling.constraints.order)
         found = self._with_unused(objective.running / self.cost * missed)
-        return replace(found, lost=replace(found.lost, exceeded=self._cost_of_excess))
+        prices = np.abs(self.solution.multipliers).sum(axis=(0, 1))
+        excess = np.maximum(self.sizes.max(axis=1) - 1, 0.0)
+        exceeded = np.asarray(excess @ np.maximum(prices, _CHEAPEST))
+        return replace(found, lost=replace(found.lost, exceeded=exceeded))
 
     def with_cost_of_softness(self, soft: Softening, widths: Array) -> MeshSolution:
         """This solution with what it costs that torques are not those that its mesh sees, on which
@@ -190,14 +193,6 @@ class MeshSolution:
         at_least = soft.is_least(widths).all(axis=1)
         found = self._with_unused(np.where(at_least, 0.0, lost))
         return replace(found, unused=found.unused + float(lost[at_least].sum()))
-
-    @cached_property
-    def _cost_of_excess(self) -> Array:
-        """What it costs to tighten the limits that each interval exceeds, by their prices, (N,), a
-        fraction of the cost."""
-        prices = np.abs(self.solution.multipliers).sum(axis=(0, 1))
-        excess = self.sizes.max(axis=1) - 1
-        return np.asarray(np.maximum(excess, 0.0) @ np.maximum(prices, _CHEAPEST))
 
     def with_sure_bounds(self) -> MeshSolution:
         """This solution with the ``excess`` over limits that are convex in the position, and with
