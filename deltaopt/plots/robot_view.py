@@ -72,7 +72,7 @@ class Chain:
 
 def chains(robot: Robot, x: Array, theta: Array) -> list[Chain]:
     """The three chains with the tool's point at x, (3,), m, and the arms at theta, (3,), rad."""
-    links = LinkGeometry.at_angles(robot, np.asarray(x)[None], np.asarray(theta)[None])
+    links = LinkGeometry(robot, np.asarray(x)[None], np.asarray(theta)[None])
     half, found = robot.forearm.length * _WIDTH / 2, []
     for k, azimuth in enumerate(AZIMUTHS):
         places = links.shafts[0, k], links.elbows[0, k], links.pins[0, k]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
@@ -33,7 +31,7 @@ def rooms_at(scene: Scene, points: Array) -> Array:
 def rooms_of_arms(scene: Scene, angles: Array) -> Array:
     """The same of the arms alone at angles (N, 3), rad: (N, 3, bodies)."""
     robot = as_delta(scene.robot)
-    return _rooms(scene, LinkGeometry.at_angles(robot, np.zeros_like(angles), angles))[:, ::2]
+    return _rooms(scene, LinkGeometry(robot, np.zeros_like(angles), angles))[:, ::2]
 
 
 def _rooms(scene: Scene, geometry: LinkGeometry) -> Array:
@@ -52,16 +50,20 @@ def kept_from_bodies(scene: Scene) -> Array:
     return np.asarray(link_radii(as_delta(scene.robot)) + scene.least_clearance)
 
 
-@dataclass(frozen=True)
 class LinkGeometry:
     """Where elbows and pins are with the tool's point at N places, (N, 3, 3), m, and in which
     directions elbows move, unit vectors ``ahead``, (N, 3, 3)."""
 
-    shafts: Array
-    elbows: Array
-    pins: Array
-    ahead: Array
-    forearm: float
+    def __init__(self, robot: Robot, x: Array, theta: Array) -> None:
+        """With the tool's point at places x, m, and arms at angles θ, rad, (N, 3) each."""
+        outwards = np.array([[0.0, np.cos(azimuth), np.sin(azimuth)] for azimuth in AZIMUTHS])
+        down = np.array([1.0, 0.0, 0.0])
+        cosine, sine = np.cos(theta)[..., None], np.sin(theta)[..., None]
+        self.shafts = np.broadcast_to(robot.base_radius * outwards, (len(x), 3, 3))
+        self.elbows = self.shafts + robot.upper_arm.length * (cosine * outwards - sine * down)
+        self.pins = (x - robot.tool_offset)[:, None] + robot.platform_radius * outwards
+        self.ahead = -sine * outwards - cosine * down
+        self.forearm = robot.forearm.length
 
     @classmethod
     def of(cls, model: DeltaModel, x: Array) -> LinkGeometry:
@@ -69,19 +71,7 @@ class LinkGeometry:
         theta, is_there = np.full_like(x, np.nan), model.closes(x)
         still = np.zeros_like(x[is_there])
         theta[is_there] = model.motion(x[is_there], still, still)[0][:, 3::3]
-        return cls.at_angles(model.robot, x, theta)
-
-    @classmethod
-    def at_angles(cls, robot: Robot, x: Array, theta: Array) -> LinkGeometry:
-        """With the tool's point at places x, m, and arms at angles θ, rad, (N, 3) each."""
-        outwards = np.array([[0.0, np.cos(azimuth), np.sin(azimuth)] for azimuth in AZIMUTHS])
-        down = np.array([1.0, 0.0, 0.0])
-        shafts = np.broadcast_to(robot.base_radius * outwards, (len(x), 3, 3))
-        cosine, sine = np.cos(theta)[..., None], np.sin(theta)[..., None]
-        elbows = shafts + robot.upper_arm.length * (cosine * outwards - sine * down)
-        pins = (x - robot.tool_offset)[:, None] + robot.platform_radius * outwards
-        ahead = -sine * outwards - cosine * down
-        return cls(shafts, elbows, pins, ahead, robot.forearm.length)
+        return cls(model.robot, x, theta)
 
     @property
     def links(self) -> tuple[Array, Array]:

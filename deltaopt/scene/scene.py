@@ -178,7 +178,8 @@ class Scene(Record):
         if self.tube is not None:
             within = f"within {1e3 * self.tube:g} mm of a path: {self.path.description}"
             return BetweenEnds(start, goal, within=within)
-        return OnPath.of(start.position, goal.position, self.path)
+        points, path = (start.position, goal.position), self.path
+        return OnPath(*points, path.between(*points), path.speeds, path.description)
 
     @cached_property
     def given_points(self) -> tuple[Vector3, ...]:

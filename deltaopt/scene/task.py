@@ -9,7 +9,7 @@ from typing import ClassVar
 from deltaopt.errors import EndMoves, in_words
 from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.problem.boundary import Boundary
-from deltaopt.scene.path import GivenPath, Path
+from deltaopt.scene.path import Path
 
 
 @dataclass(frozen=True)
@@ -74,11 +74,6 @@ class OnPath:
     via: ClassVar[tuple[Boundary, ...]] = ()
     gates: ClassVar[tuple[Boundary, ...]] = ()
     moves_at_ends: ClassVar[bool] = False
-
-    @classmethod
-    def of(cls, begin: Vector3, end: Vector3, given: GivenPath) -> OnPath:
-        """On a path that a scene gives."""
-        return cls(begin, end, given.between(begin, end), given.speeds, given.description)
 
     @property
     def start(self) -> Boundary:

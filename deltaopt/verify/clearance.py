@@ -185,7 +185,7 @@ def link_distances(scene: Scene, x: Array, theta: Array) -> Array:
     """Distances of arms and forearms from the bodies of a scene, (N, links, bodies), m, with the
     tool's point at places x, m, and arms at angles θ, rad, (N, 3) each."""
     robot = as_delta(scene.robot)
-    begin, end = LinkGeometry.at_angles(robot, x, theta).links
+    begin, end = LinkGeometry(robot, x, theta).links
     found = [_nearest(body, begin, end - begin)[1] for body in _bodies(scene)]
     return np.stack(found, axis=-1) - link_radii(robot)[:, None]
 
@@ -246,7 +246,7 @@ def moving_links(
     at most in each part, (N,), m/s²."""
     x, v = parts.at(), parts.at(1)
     q, dq, _ = model.motion(x, v, np.zeros_like(x))
-    geometry, dtheta = LinkGeometry.at_angles(robot, x, q[:, 3::3]), dq[:, 3::3]
+    geometry, dtheta = LinkGeometry(robot, x, q[:, 3::3]), dq[:, 3::3]
     bars, ahead = geometry.pins - geometry.elbows, geometry.ahead
     elbow_rates = robot.upper_arm.length * dtheta[..., None] * ahead
     pin_rates = np.broadcast_to(v[:, None], elbow_rates.shape)

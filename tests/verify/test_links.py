@@ -27,7 +27,7 @@ def motion():
 def test_lines_are_as_long_as_the_links(motion):
     scene, line = motion
     found = line.inside_intervals(np.linspace(0, 1, 7))
-    begins, ends = LinkGeometry.at_angles(scene.robot, found.x, found.theta).links
+    begins, ends = LinkGeometry(scene.robot, found.x, found.theta).links
     lengths = np.linalg.norm(ends - begins, axis=2)
     np.testing.assert_allclose(lengths[:, 0::2], scene.robot.upper_arm.length, rtol=1e-12)
     np.testing.assert_allclose(lengths[:, 1::2], scene.robot.forearm.length, rtol=1e-9)
@@ -36,7 +36,7 @@ def test_lines_are_as_long_as_the_links(motion):
 def test_the_least_distance_is_that_of_dense_samples(motion):
     scene, line = motion
     found = line.inside_intervals(np.linspace(0, 1, 5))
-    begins, ends = LinkGeometry.at_angles(scene.robot, found.x, found.theta).links
+    begins, ends = LinkGeometry(scene.robot, found.x, found.theta).links
     share = np.linspace(0, 1, 2001)[:, None, None, None]
     places = (begins + share * (ends - begins)).reshape(-1, 3)
     expected = signed_distances(problem_of(scene), places)[0].min()
