@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from deltaopt.codegen.dense_solver import solve
-from deltaopt.curves.piecewise import Array, Index
+from deltaopt.curves.piecewise import Array
 from deltaopt.planning.switching.conditions import OptimalityConditions
 from deltaopt.planning.switching.kkt_terms import BarrierTerms, Derivatives, Dual, Primal
 from deltaopt.planning.switching.unknowns import PrimalDualPoint
@@ -43,73 +43,11 @@ class KKTSystem:
     def __init__(self, of: OptimalityConditions, at: PrimalDualPoint, barrier: float = 0.0) -> None:
         """``barrier``: slack times multiplier, per time."""
         self.of, self.at = of, at
-        mesh = of.mesh
-        shape = (mesh.intervals, len(mesh.polynomials.nodes), of.rows.motors)
-        active = np.broadcast_to(of.active.row[mesh.arc][:, None], shape)
-        y = at.at_nodes(mesh)
-        self._rows = self._rows_at(y, active)
-        self._singular = mesh.singular_controls(at.singular)
-        self._bounded_slopes = self._rows.J[:, :, of.bounded]
+        self._rows = Derivatives(of, at)
         self._y_slopes = self._node_slopes()
-        self._barrier = self._barrier_terms(barrier)
-        self._primal = self._primal_violations(y, active)
-        self._dual = self._lagrangian_gradient()
-
-    def _rows_at(self, y: Array, active: Index) -> Derivatives:
-        """Rows at the nodes, weighted by the multipliers that they have in the Lagrangian."""
-        of, at = self.of, self.at
-        n, k, m = active.shape
-        R = of.rows.number
-        weights = np.zeros((n, k, R))
-        np.put_along_axis(weights, active, at.multipliers, axis=2)
-        for entry, nu in zip(of.active.entries, at.entry, strict=True):
-            weights[of.mesh.first[entry.arc], 0, entry.row] += nu
-        weights[..., of.bounded] += (at.upper - at.lower)[..., m:]
-        r, J, H = of.rows.derivatives(y.reshape(-1, 3 * m), weights.reshape(-1, R), of.p)
-        shaped = r.reshape(n, k, R), J.reshape(n, k, R, -1), H.reshape(n, k, 3 * m, 3 * m)
-        return Derivatives(*shaped, weights)
-
-    def _barrier_terms(self, barrier: float) -> BarrierTerms:
-        of, at, within = self.of, self.at, self.of.within
-        bounded = np.concatenate([self._singular, self._rows.r[..., of.bounded]], axis=2)
-        off = np.where(within, np.where(within, bounded, 0.0) - at.slack, 0.0)
-        above, below = (np.maximum(1 + s * at.slack, 1e-300) for s in (-1, 1))
-        h = np.abs(at.interval_lengths(of.mesh))[:, None, None]
-        mu = barrier * h * of.mesh.polynomials.quadrature[:, None] * within
-        stiffness, force = at.upper / above + at.lower / below, at.upper - at.lower
-        aim = stiffness * off + mu / above - mu / below - force
-        return BarrierTerms(off, mu, stiffness, force, aim)
-
-    def _primal_violations(self, y: Array, active: Index) -> Primal:
-        of, at, rows, states = self.of, self.at, self._rows, self.of.index.states
-        wanted = self._singular + of.active.value[of.mesh.arc][:, None]
-        entries = [(of.mesh.first[e.arc], 0, e.row) for e in of.active.entries]
-        pairs = zip(entries, of.active.entries, strict=True)
-        return Primal(
-            values=np.take_along_axis(rows.r, active, axis=2) - wanted,
-            continuity=y[:, -1, :states] - np.vstack([at.knots[1:-1], of.goal]),
-            entries=np.array([rows.r[i] - e.value for i, e in pairs], dtype=float),
-            value_slopes=np.take_along_axis(rows.J, active[..., None], axis=2),
-            entry_slopes=[rows.J[i][:states] for i in entries],
-        )
-
-    def _lagrangian_gradient(self) -> Dual:
-        at, rows, barrier, m = self.at, self._rows, self._barrier, self.of.rows.motors
-        legendre, n = self.of.mesh.legendre, len(self._y_slopes)
-        by_y = np.einsum("nkr,nkra->nka", rows.weights, rows.J)
-        by_y[:, -1, : 2 * m] += at.costates
-        aim = np.einsum("nkr,nkra->nka", barrier.aim[..., m:], self._bounded_slopes)
-        y_slopes = self._y_slopes.reshape(n, by_y[0].size, -1)
-        pull = barrier.force[..., :m] - at.multipliers
-        own = (by_y.reshape(n, 1, -1) @ y_slopes)[:, 0]
-        singular = np.einsum("nkr,nkl->nrl", pull, legendre)
-        return Dual(
-            by_y=by_y,
-            own=own,
-            own_aim=own + (aim.reshape(n, 1, -1) @ y_slopes)[:, 0],
-            singular=singular,
-            singular_aim=singular + np.einsum("nkr,nkl->nrl", barrier.aim[..., :m], legendre),
-        )
+        self._barrier = BarrierTerms(self._rows, barrier)
+        self._primal = Primal(self._rows)
+        self._dual = Dual(self._rows, self._barrier, self._y_slopes)
 
     @property
     def costates(self) -> Array:
@@ -198,7 +136,7 @@ class KKTSystem:
         n, k = mesh.intervals, len(mesh.polynomials.nodes)
         H = self._rows.H
         if self.of.within[..., m:].any():
-            slopes = self._bounded_slopes
+            slopes = self._rows.bounded
             stiff = self._barrier.stiffness[..., m:, None] * slopes
             H = H + slopes.transpose(0, 1, 3, 2) @ stiff
         flat = self._y_slopes.reshape(n, 3 * m * k, -1)
@@ -348,7 +286,7 @@ class KKTSystem:
         """Steps of slacks and of upper and lower multipliers, from those of singular controls and
         of y at the nodes."""
         at, b = self.at, self._barrier
-        moved = [singular, np.einsum("nkra,nka->nkr", self._bounded_slopes, dy)]
+        moved = [singular, np.einsum("nkra,nka->nkr", self._rows.bounded, dy)]
         slack = np.where(self.of.within, b.off + np.concatenate(moved, axis=2), 0.0)
         upper = (b.mu + at.upper * slack) / (1 - at.slack) - at.upper
         lower = (b.mu - at.lower * slack) / (1 + at.slack) - at.lower
