@@ -15,7 +15,7 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +32,7 @@ from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR
 from deltaopt.planning.refinement import Refinement
 from deltaopt.planning.switching.resolution import ResolvedMotion
-from deltaopt.planning.switching.resolver import SwitchResolver, resolver
+from deltaopt.planning.switching.resolver import SwitchResolver
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.settings import RESOLVED_BELOW
@@ -102,16 +102,15 @@ class Truth:
     resolved: bool
 
 
-@dataclass(frozen=True)
 class _Once(SwitchResolver):
     """Resolves once at most: what it cannot resolve costs it seconds."""
 
-    asked: list[MeshSolution] = field(default_factory=list)
+    asked = False
 
     def from_coarse(self, solution: MeshSolution) -> ResolvedMotion | None:
         if self.asked:
             return None
-        self.asked.append(solution)
+        self.asked = True
         return super().from_coarse(solution)
 
     from_fine = from_last = from_coarse
@@ -129,9 +128,8 @@ def truth_beside(scene: deltaopt.Scene, plan: Trajectory, tolerance: float) -> T
     problem = deltaopt.flat.of(model.functions, LINEAR, scaling.constraints)
     switches: SwitchResolver | None = None
     if tolerance < RESOLVED_BELOW:
-        switches = resolver(scaling, tolerance, _silent)
-        if tolerance >= min(TOLERANCES) * _TRUER:
-            switches = _Once(**vars(switches))
+        once = tolerance >= min(TOLERANCES) * _TRUER
+        switches = (_Once if once else SwitchResolver)(scaling, tolerance, _silent)
     refinement = Refinement(problem, scaling, tolerance, switches, _silent)
     uniform = np.full(_FIRST_MESH, 1 / _FIRST_MESH)
     resolved = refinement.from_guess(Guess(plan, near=True, tolerance=1e-5), uniform)

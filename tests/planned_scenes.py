@@ -14,7 +14,7 @@ from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR
 from deltaopt.planning.refinement import Refinement
 from deltaopt.planning.switching.resolution import ResolvedMotion
-from deltaopt.planning.switching.resolver import resolver
+from deltaopt.planning.switching.resolver import SwitchResolver
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.known_limits import limits_of
@@ -41,7 +41,7 @@ def first_guess(scene: Scene, tolerance: float) -> Guess:
 def resolved(scene: Scene) -> ResolvedMotion:
     """To 1e-6, from the planner's own first mesh."""
     scaling, problem = scaling_of(scene), flat_equations(scene)
-    with_switches = resolver(scaling, 1e-6, print)
+    with_switches = SwitchResolver(scaling, 1e-6, print)
     refinement = Refinement(problem, scaling, 1e-6, with_switches, print)
     found = refinement.from_guess(first_guess(scene, 1e-4), np.full(16, 1 / 16))
     assert found is not None

@@ -207,9 +207,9 @@ class TrajectoryOptimiser:
         """
         if self.tolerance >= self.resolved_below or not scaling.problem.may_switch:
             return None
-        from deltaopt.planning.switching.resolver import resolver
+        from deltaopt.planning.switching.resolver import SwitchResolver
 
-        return resolver(scaling, self.tolerance, report)
+        return SwitchResolver(scaling, self.tolerance, report)
 
     def _plan_effort(self, attempt: Attempt, report: Progress) -> Plan:
         """Plan for an objective that contains effort, beginning with the fastest motion.

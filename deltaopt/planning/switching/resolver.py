@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +11,6 @@ from deltaopt.curves.piecewise import Truths
 from deltaopt.motion.certificate import MET, Certificate
 from deltaopt.planning.flat.constraint_rows import (
     ByOrder,
-    ConstraintRows,
     can_be_held,
     constraint_rows,
     holdable,
@@ -36,23 +35,24 @@ _ACTIVE = 1 - 1e-3
 up motions that keep it by themselves, a larger one try to resolve others in vain."""
 
 
-@dataclass(frozen=True)
 class SwitchResolver:
     """Resolves the switches of a scene's motion, to a gap within a tolerance.
 
-    ``rows``: of the limits that arcs can hold; ``all_rows``: of all limits of the scene.
-    ``scaling``: the scene's for the former, with all of every limit. ``tell``: what each attempt is
-    reported to.
-
     Where a scene has limits that arcs cannot hold, a motion is resolved only if none of them
-    matters for it; the resolved motion is held against all.
+    matters for it; the resolved motion is held against all. Where arcs can hold none of its motions
+    it certifies mesh solutions only.
+
+    ``rows``: of the limits that arcs can hold; ``all_rows``: of all limits of the scene.
+    ``scaling``: the scene's for the former, with all of every limit.
     """
 
-    rows: ConstraintRows
-    all_rows: ConstraintRows
-    scaling: Scaling
-    tolerance: float
-    tell: Callable[[str], None]
+    def __init__(self, scaling: Scaling, tolerance: float, tell: Callable[[str], None]) -> None:
+        """``tell``: what each attempt is reported to."""
+        functions = scaling.problem.model.functions
+        self.all_rows = constraint_rows(point_equations(functions, scaling.constraints))
+        self.scaling = replace(scaling, kept=holdable(scaling.constraints))
+        self.rows = constraint_rows(point_equations(functions, self.scaling.constraints))
+        self.tolerance, self.tell = tolerance, tell
 
     def from_coarse(self, solution: MeshSolution) -> ResolvedMotion | None:
         """From a mesh that shows the structure roughly; None if it cannot be resolved yet."""
@@ -124,12 +124,3 @@ class SwitchResolver:
         if self.rows.state(1) is None and not (active.singular or active.follows.any()):
             return (0.0,)
         return 0.0, self.tolerance / 10
-
-
-def resolver(scaling: Scaling, tolerance: float, tell: Callable[[str], None]) -> SwitchResolver:
-    """For a scene; where arcs can hold none of its motions it certifies mesh solutions only."""
-    functions = scaling.problem.model.functions
-    all_rows = constraint_rows(point_equations(functions, scaling.constraints))
-    held = replace(scaling, kept=holdable(scaling.constraints))
-    rows = constraint_rows(point_equations(functions, held.constraints))
-    return SwitchResolver(rows, all_rows, held, tolerance, tell)

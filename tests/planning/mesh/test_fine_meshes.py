@@ -20,7 +20,7 @@ from deltaopt.planning.nlp.transcription import LINEAR
 from deltaopt.planning.plan import quicker
 from deltaopt.planning.planner import Planner
 from deltaopt.planning.refinement import Refinement
-from deltaopt.planning.switching.resolver import resolver
+from deltaopt.planning.switching.resolver import SwitchResolver
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.known_limits import Limits, limits_of
@@ -119,7 +119,7 @@ def test_tightening_cures_what_slowing_pays_for():
 def searched_for(scene: Scene, tolerance: float) -> Refinement:
     """On meshes alone, from a coarse one to a fine one."""
     scaling = scaling_of(scene)
-    switches = resolver(scaling, tolerance, print)
+    switches = SwitchResolver(scaling, tolerance, print)
     found = Refinement(flat_equations(scene), scaling, tolerance, switches, print)
     found._coarse_left = found._fine_left = 0
     found.from_guess(first_guess(scene, 1e-4), np.full(16, 1 / 16))
