@@ -58,28 +58,25 @@ def _turn(start: Array, goal: Array) -> float:
     return atan2(z, y) if hypot(y, z) > 0 else 0.0
 
 
-@dataclass(frozen=True, eq=False)
 class Chain:
-    """Points of one chain in the base's frame, (3,), m; beside them, (2, 3), left and right: the
-    corners of the base, and the ends of both bars."""
+    """Points of one chain in the base's frame, (3,), m: ``shaft`` and ``elbow``; beside them, (2,
+    3), left and right: the corners of the base, ``base_ends``, and the ends of both bars,
+    ``elbow_ends`` and ``platform_ends``."""
 
-    shaft: Array
-    elbow: Array
-    base_ends: Array
-    elbow_ends: Array
-    platform_ends: Array
+    def __init__(self, links: LinkGeometry, k: int) -> None:
+        """The k-th from 0 on, at the first place of the tool's point."""
+        side = np.array([0.0, -sin(AZIMUTHS[k]), cos(AZIMUTHS[k])])
+        aside = links.forearm * _WIDTH / 2 * side
+        both = np.array([-aside, aside])
+        self.shaft, self.elbow = links.shafts[0, k], links.elbows[0, k]
+        self.base_ends, self.elbow_ends = self.shaft + both, self.elbow + both
+        self.platform_ends = links.pins[0, k] + both
 
 
 def chains(robot: Robot, x: Array, theta: Array) -> list[Chain]:
     """The three chains with the tool's point at x, (3,), m, and the arms at theta, (3,), rad."""
     links = LinkGeometry(robot, np.asarray(x)[None], np.asarray(theta)[None])
-    half, found = robot.forearm.length * _WIDTH / 2, []
-    for k, azimuth in enumerate(AZIMUTHS):
-        places = links.shafts[0, k], links.elbows[0, k], links.pins[0, k]
-        aside = half * np.array([0.0, -sin(azimuth), cos(azimuth)])
-        ends = (np.array([place - aside, place + aside]) for place in places)
-        found.append(Chain(*places[:2], *ends))
-    return found
+    return [Chain(links, k) for k in range(3)]
 
 
 def draw_robot(
