@@ -89,13 +89,13 @@ class OnPath:
 
     @property
     def description(self) -> str:
-        moves = "from rest to rest" if self.speeds == (0.0, 0.0) else "from speed to speed"
+        moves = "from rest to rest" if self.is_at_rest else "from speed to speed"
         return f"{moves}, {self.shape}"
 
     @property
     def rates(self) -> tuple[float, float]:
         """ds/dt of the path's parameter at both ends, 1/s times its unit."""
-        if self.speeds == (0.0, 0.0):
+        if self.is_at_rest:
             return self.speeds
         first, last = (
             speed / float(rate) if speed else 0.0

@@ -77,7 +77,7 @@ def fastest_on_path(scene: Scene, tolerance: float, report: Progress) -> Plan:
     assert isinstance(task, OnPath)
     first, last = task.rates
     timing = PathTiming(PathRows(scene), (first**2, last**2), tolerance, report)
-    planned = _slowed if task.speeds == (0.0, 0.0) else _held
+    planned = _slowed if task.is_at_rest else _held
     trajectory, gap, on_mesh = planned(scene, timing)
     _require_positions(scene, trajectory)
     if trajectory.duration < scene.least_duration:
@@ -119,7 +119,7 @@ def _waiting(scene: Scene, task: OnPath, trajectory: Trajectory) -> Trajectory:
     """A motion slowed until a fourth axis has turned. Raises Infeasible where it cannot be."""
     least = scene.least_duration
     factor = safe_factor(problem_of(scene), trajectory, at_least=least / trajectory.duration)
-    if isinf(factor) or task.speeds != (0.0, 0.0):
+    if isinf(factor) or not task.is_at_rest:
         raise Infeasible(
             f"the path takes {trajectory.duration:.6g} s, less than rotation does, and cannot be "
             f"slowed until then ({least:.6g} s)"
