@@ -113,8 +113,7 @@ def beside_free_path(found: Plan) -> Plan:
         >>> beside.free_duration < beside.duration
         True
     """
-    path = found.scene.path
-    if path is None or path.speeds != (0.0, 0.0) or found.scene.tube is not None:
+    if not (found.scene.follows_path and found.scene.task.is_at_rest):
         return found
     free = plan(found.scene.model_copy(update={"path": None}), tolerance=found.tolerance)
     return replace(found, free_duration=free.duration)
