@@ -81,7 +81,7 @@ class LinkGeometry:
     @property
     def directions(self) -> Array:
         """Of the forearms, from elbow to pins: unit vectors, (N, 3, 3)."""
-        return (self.pins - self.elbows) / self.forearm
+        return np.asarray((self.pins - self.elbows) / self.forearm)
 
     @property
     def levers(self) -> Array:
