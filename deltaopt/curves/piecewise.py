@@ -223,6 +223,14 @@ def shifted(coefficients: Array, by: Array | float) -> Array:
     return found
 
 
+def with_neighbours(each: Array) -> Array:
+    """The largest of what every interval and the two beside it have, at least 0, (N, ...)."""
+    found = np.maximum(each, 0.0)
+    found[1:] = np.maximum(found[1:], each[:-1])
+    found[:-1] = np.maximum(found[:-1], each[1:])
+    return found
+
+
 def away_from_lines(begin: Array, way: Array, x: Array) -> Array:
     """How places (N, 3) lie from the nearest place of each of some straight lines, (N, lines, 3);
     ``begin``, ``way``: where each begins, and from there to its end, (lines, 3)."""

@@ -53,7 +53,8 @@ def are_crossed(problem: Problem, begin: Array, along: Array, row: Index) -> Tru
     each, by more than a millionth of the row's natural size, (N,).
 
     ``begin``, ``along``: of the lines, (N, 3), m. ``row``: of each, (N,). A convex function lies
-    above its tangents at both ends of a line: where these cross beyond the bound is the next end.
+    above its tangents at both ends of a line. Where these cross beyond the bound, it is looked at,
+    and that place is an end of the part in which the function is least.
     """
     limits, found = problem.limits, np.zeros(len(row), dtype=np.bool)
     bound = limits.least_distances - _TOUCHED * limits.scales[limits.constraints.convex]
@@ -64,7 +65,7 @@ def are_crossed(problem: Problem, begin: Array, along: Array, row: Index) -> Tru
         return np.stack([share, distance[own] - bound[own[1]], (slope[own] * way).sum(axis=1)])
 
     line = np.arange(len(row))
-    before, after = at(np.zeros(len(row)), line), at(np.ones(len(row)), line)
+    before, after = np.split(at(np.repeat([0.0, 1.0], len(row)), np.tile(line, 2)), 2, axis=1)
     for _ in range(_HALVINGS):
         (first, room, rise), (last, room_after, fall) = before, after
         found[line] = np.minimum(room, room_after) < 0

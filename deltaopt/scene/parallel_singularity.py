@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction
-from deltaopt.curves.piecewise import Array, PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial, with_neighbours
 from deltaopt.errors import Infeasible, in_words
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.robot.machine import Model
@@ -33,9 +33,7 @@ def leads_through_singularity(model: Model, position: PiecewisePolynomial, t: Ar
         signed = volumes * np.sign(volumes[0])
         if not (signed > 0).all():  # nor where it is not a number
             return True
-        steps = np.abs(np.diff(signed))
-        before, after = np.append(steps[0], steps[:-1]), np.append(steps[1:], steps[-1])
-        change = np.maximum(np.maximum(before, steps), after)
+        change = with_neighbours(np.abs(np.diff(signed)))
         near = np.flatnonzero(np.minimum(signed[:-1], signed[1:]) < change)
         if not len(near):
             return False

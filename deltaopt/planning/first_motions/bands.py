@@ -210,8 +210,8 @@ class Bodies:
         """
         room = (distance - self.kept)[..., : len(problem_of(self.scene).limits.least_distances)]
         begin, along = places[..., :-1, :], np.diff(places, axis=-2)
-        is_short = room[..., :-1, :] + room[..., 1:, :] < np.linalg.norm(along, axis=-1)[..., None]
-        *piece, row = np.nonzero(is_short)
+        apart = np.linalg.norm(along, axis=-1)[..., None]
+        *piece, row = np.nonzero(room[..., :-1, :] + room[..., 1:, :] < apart)
         crossed = are_crossed(problem_of(self.scene), begin[*piece], along[*piece], row)
         found = np.full(along.shape[:-1], -1)
         found[*(which[crossed] for which in piece)] = row[crossed]

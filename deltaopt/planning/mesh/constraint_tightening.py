@@ -13,11 +13,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from deltaopt.curves.piecewise import Array, Index, Truths
+from deltaopt.curves.piecewise import Array, Index, Truths, with_neighbours
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.error_estimate import FRACTIONS
-from deltaopt.planning.nlp.phases import with_neighbours
 from deltaopt.planning.nlp.scaling import UNTIGHTENED, Scaling
 from deltaopt.problem.problem import Problem
 

@@ -25,9 +25,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deltaopt.curves.piecewise import Array, Index, Truths
+from deltaopt.curves.piecewise import Array, Index, Truths, with_neighbours
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.nlp.phases import joined, with_neighbours
+from deltaopt.planning.nlp.phases import joined
 from deltaopt.planning.nlp.softening import turning
 from deltaopt.problem.problem import Problem
 

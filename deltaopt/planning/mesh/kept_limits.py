@@ -11,11 +11,12 @@ from math import inf, isfinite
 
 import numpy as np
 
+from deltaopt.curves.piecewise import with_neighbours
 from deltaopt.errors import NotConverged
 from deltaopt.motion.time_scaling import highest_rows
 from deltaopt.planning.mesh.error_estimate import split
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, solve_on_mesh
-from deltaopt.planning.nlp.phases import FacePhases, with_neighbours
+from deltaopt.planning.nlp.phases import FacePhases
 from deltaopt.planning.nlp.problem import Formulated, Guess
 
 KEPT = 1e-10

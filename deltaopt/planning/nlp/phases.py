@@ -26,14 +26,6 @@ def joined(each: Array, together: int) -> Array:
     return np.asarray(each.reshape(-1, together).sum(axis=1))
 
 
-def with_neighbours(each: Array) -> Array:
-    """The largest of what every interval and the two beside it have, at least 0, (N, ...)."""
-    found = np.maximum(each, 0.0)
-    found[1:] = np.maximum(found[1:], each[:-1])
-    found[:-1] = np.maximum(found[:-1], each[1:])
-    return found
-
-
 def parts(mesh: Array, passed: Array) -> list[slice]:
     """The intervals of each phase, of a mesh (N,) and of when its via points are passed, (n,), both
     as fractions of the duration: the knots that are nearest to these."""

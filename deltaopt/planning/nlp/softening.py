@@ -26,9 +26,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from deltaopt.curves.piecewise import Array, Truths
+from deltaopt.curves.piecewise import Array, Truths, with_neighbours
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.nlp.phases import with_neighbours
 from deltaopt.problem.problem import Problem
 
 _RESOLVED = 0.7

@@ -3,7 +3,7 @@ the condensed KKT system."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -39,8 +39,9 @@ class PrimalDualPoint:
 
     def moved(self, step: PrimalDualPoint, share: float = 1.0) -> PrimalDualPoint:
         """The point after a part of a step."""
-        pairs = zip(vars(self).values(), vars(step).values(), strict=True)
-        return PrimalDualPoint(*(value + share * more for value, more in pairs))
+        names = (field.name for field in fields(self))
+        moved = (getattr(self, name) + share * getattr(step, name) for name in names)
+        return PrimalDualPoint(*moved)
 
     @property
     def duration(self) -> float:
