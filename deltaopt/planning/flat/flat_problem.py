@@ -241,11 +241,11 @@ class FlatProblem:
             mesh = joined(mesh, self.together)
             shares = shares.reshape(len(mesh), self.together, -1).min(axis=1)
         known = np.empty(0) if prices is None else self._known(total, prices)
+        soft = _widths(motion, scaling, mesh)
         if not scaling.gates:
+            p = scaling.parameters
             states = self._states(motion, scaling, 0.0, motion.duration, mesh)
-            p, share = scaling.parameters, np.ascontiguousarray(shares)
-            soft = _widths(motion, scaling, mesh)
-            return [Phase(mesh, p, share, states, total, cost.duration_is_given, known, soft)]
+            return [Phase(mesh, p, shares, states, total, cost.duration_is_given, known, soft)]
         instants, phases = scaling.instants(motion), []
         for own, (begin, end), p in zip(
             parts(mesh, (instants[1:-1] - instants[0]) / motion.duration),
@@ -254,11 +254,10 @@ class FlatProblem:
             strict=True,
         ):
             T, lengths = end - begin, mesh[own] / mesh[own].sum()
-            states = self._states(motion, scaling, begin, T, lengths)
-            share = np.ascontiguousarray(shares[own])
-            soft = _widths(motion, scaling, mesh)[own]
-            time = T / scaling.time
-            phases.append(Phase(lengths, p, share, states, time, multipliers=known[own], own=soft))
+            states, time = self._states(motion, scaling, begin, T, lengths), T / scaling.time
+            phases.append(
+                Phase(lengths, p, shares[own], states, time, multipliers=known[own], own=soft[own])
+            )
         return phases
 
     def _states(
