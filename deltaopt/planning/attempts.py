@@ -51,8 +51,6 @@ _LONG, _LABORIOUS = 4.0, 400
 """A plan that takes more than so many times the lower bound, or took more iterations than this, may
 be a poor local minimum. Hardly any random move is the first, and one in a hundred the second:
 usual are thirty iterations. Fewer would make more plans take three times as long in vain."""
-_SECOND_LOOKS = 2
-"""How many plans more are then made. More of them find little for what they cost."""
 
 
 @dataclass(frozen=True)
@@ -188,7 +186,9 @@ class Outcomes:
     @property
     def is_doubtful(self) -> bool:
         """Whether the best plan may be a poor local minimum."""
-        if not isinstance(self.scene.objective, Time) or self.scene.tube is not None:
+        task = self.scene.task
+        in_one = task.is_at_rest and not task.gates and isinstance(self.scene.objective, Time)
+        if not in_one or self.scene.tube is not None:
             return False  # in a tube there is hardly another
         best = self.best()
         creeps = problem_of(self.scene).rates_peak  # to where arms turn back, whatever the motion
@@ -224,24 +224,13 @@ class Outcomes:
 
 
 def by_merit(so_far: Outcomes, coarsest: int) -> Iterator[Attempt]:
-    """What to attempt next from rest to rest, until a plan is good enough. ``coarsest``: number of
-    intervals of the first meshes at least.
+    """What to attempt next from rest to rest. ``coarsest``: number of intervals of the first meshes
+    at least.
 
     First every motion on the coarsest mesh on which it stays in the workspace, lines and curves
-    before paths over a grid, then the best of them on finer meshes. Where a plan that is good
-    enough may be a poor local minimum, some of those that follow are tried too. Raises Unreachable
-    if there is no first motion.
+    before paths over a grid, then the best of them on finer meshes. Raises Unreachable if there is
+    no first motion.
     """
-    wanted = inf
-    for attempt in _in_order(so_far, coarsest):
-        yield attempt
-        if wanted == inf and so_far.is_good:
-            wanted = len(so_far.plans) + (_SECOND_LOOKS if so_far.is_doubtful else 0)
-        if len(so_far.plans) >= wanted:
-            return
-
-
-def _in_order(so_far: Outcomes, coarsest: int) -> Iterator[Attempt]:
     possible: list[Attempt] = []
     for proposals in rounds(so_far.scene):
         if so_far.is_near:
@@ -263,21 +252,14 @@ def _away(attempts: Sequence[Attempt]) -> Iterator[Attempt]:
     return filter(None, (attempt.away for attempt in attempts[:_KEPT_AWAY]))
 
 
-def until_good(so_far: Outcomes, coarsest: int, proposals: Iterator[Proposal]) -> Iterator[Attempt]:
-    """What to attempt next in phases or where an end moves, until a plan is good enough.
+def in_phases(so_far: Outcomes, coarsest: int, proposals: Iterator[Proposal]) -> Iterator[Attempt]:
+    """What to attempt next in phases or where an end moves.
 
     First all first motions on the coarsest mesh on which they stay in the workspace, until one is
     near an optimum; that then on a finer mesh. Where none led to a plan, some away from the
     parallel singularity, all on finer meshes, and legs past bodies on finer ones still. A motion
     that two sources propose, as a quintic to rest and a stop, is attempted once.
     """
-    for attempt in _in_phases(so_far, coarsest, proposals):
-        yield attempt
-        if so_far.is_good:
-            return
-
-
-def _in_phases(so_far: Outcomes, coarsest: int, proposals: Iterator[Proposal]) -> Iterator[Attempt]:
     tried = list[Attempt]()
     for proposal in proposals:
         if any(proposal.motion.position == attempt.motion.position for attempt in tried):

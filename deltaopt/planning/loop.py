@@ -24,9 +24,9 @@ from deltaopt.planning.attempts import (
     Attempt,
     Outcomes,
     by_merit,
+    in_phases,
     on_few_intervals,
     on_twice_its_mesh,
-    until_good,
 )
 from deltaopt.planning.effort_planning import LONGEST
 from deltaopt.planning.first_motions.around_bodies import is_clear, with_stops
@@ -58,6 +58,9 @@ USUAL, _ANOTHER_WAY_ABOVE = 1e-3, 3e-3
 """Tolerances of at least the first are to be met, or planning starts again from another first
 motion. Where a tighter one is missed, or rates of torques peak, it does so above the second:
 smaller gaps are not the first motion's fault, and planning again seldom changes them."""
+_SECOND_LOOKS = 2
+"""How many plans more are made where one that is good enough may be a poor local minimum. More of
+them find little for what they cost."""
 _IMPROVED, _SHORTER = 4, 1e-4
 """How many plans of a kind at most begin with the motion found, each with that of the one before;
 and by what share each must be shorter, or else tell a smaller gap."""
@@ -101,11 +104,17 @@ class Loop:
     attempts: list[Attempt] = field(default_factory=list)
 
     def make(self, attempts: Iterator[Attempt], so_far: Outcomes) -> None:
-        """Make all attempts of a source, which sees what came of those before."""
+        """Make the attempts of a source, which sees what came of those before, until a plan is good
+        enough; where that may be a poor local minimum, some of those that follow too."""
+        wanted = inf
         for attempt in attempts:
             so_far.add(self.remedied(attempt))
             if self.journal.is_spent:
                 self.journal.note(f"no more attempts after {self.journal.solves} meshes")
+                return
+            if wanted == inf and so_far.is_good:
+                wanted = len(so_far.plans) + (_SECOND_LOOKS if so_far.is_doubtful else 0)
+            if len(so_far.plans) >= wanted:
                 return
 
     def remedied(self, attempt: Attempt) -> Plan | DeltaOptError:
@@ -175,18 +184,15 @@ class Loop:
     def until_good(self, scene: Scene, proposals: Iterator[Proposal]) -> Plan | DeltaOptError:
         """From first motions in phases or where an end moves: the best plan, or the first error."""
         so_far = Outcomes(scene, self.good_gap(scene))
-        self.make(until_good(so_far, self.optimiser.intervals, proposals), so_far)
-        if so_far.plans:
-            return so_far.best_known()
+        self.make(in_phases(so_far, self.optimiser.intervals, proposals), so_far)
+        if so_far.tried:
+            return or_error(so_far.best_known)
         columns = " and along the cylinders of approach" if scene.approach else ""
-        none = Infeasible(f"no simple motion through all given points{columns} stays within reach")
-        return so_far.failures[0] if so_far.failures else none
+        return Infeasible(f"no simple motion through all given points{columns} stays within reach")
 
     def only_from(self, attempt: Attempt) -> Plan:
         """From one attempt. Raises what ends it."""
-        so_far = Outcomes(attempt.scene, self.good_gap(attempt.scene))
-        self.make(iter([attempt]), so_far)
-        return so_far.best()
+        return or_raise(self.remedied(attempt))
 
     def at_worst(self, scene: Scene, planned: Callable[[Scene], Plan]) -> Plan:
         """The plan that ``planned`` makes of a scene. Where that raises that there is none, the

@@ -138,8 +138,8 @@ class Run(Loop):
             attempt = from_motion(
                 scene, Proposal(f"start {number}", other), self.optimiser.intervals
             )
-            only_from = partial(self._only_from, attempt)
-            so_far.add(or_error(self._links_clear, scene, only_from))
+            clear_from = partial(self._clear_from, attempt)
+            so_far.add(or_error(self._links_clear, scene, clear_from))
             if perf_counter() - begin > search.seconds:
                 break
         best, led = so_far.best_known(), len(so_far.plans) - bool(known)
@@ -147,9 +147,9 @@ class Run(Loop):
         ways = best.ways or (known.ways if known else ())
         return replace(best, searched=searched, ways=ways)
 
-    def _only_from(self, attempt: Attempt, scene: Scene) -> Plan:
+    def _clear_from(self, attempt: Attempt, scene: Scene) -> Plan:
         """The plan from a first motion alone, past all bodies of a scene."""
-        found = or_raise(self.remedied(replace(attempt, scene=scene)))
+        found = self.only_from(replace(attempt, scene=scene))
         if not is_clear(scene, found.trajectory):
             raise NotConverged("it runs into a body", "Not_Clear", found.trajectory)
         return found
