@@ -44,6 +44,7 @@ from deltaopt.limits.solid_distance import (
     numbers_of_solid,
     positive,
     root,
+    selected,
     where,
 )
 from deltaopt.robot.solids import ALONG_THE_BASE, MOST_TRIANGLES, Convex, Polytope, Solid
@@ -226,8 +227,8 @@ class KeepOutHull(_KeepOut):
         x = motion.x
         triangles = ca.vertsplit(own[: 9 * self.triangles], 9)
         radius = own[9 * self.triangles]
-        highest, plane = _selected([_above_plane(x, each) for each in triangles], triangles, 1)
-        _, nearest = _selected([_squared_distance(x, each) for each in triangles], triangles, -1)
+        highest, plane = selected([_above_plane(x, each) for each in triangles], triangles, 1)
+        _, nearest = selected([_squared_distance(x, each) for each in triangles], triangles, -1)
         outside = root(_squared_distance(x, nearest))
         is_inside = highest < 0
         inside = where(is_inside, _above_plane(x, plane))
@@ -283,13 +284,3 @@ def _squared_distance(x: SX, triangle: SX) -> SX:
     beside = is_beside > 0
     nearest = -larger(-from_edges[0], larger(-from_edges[1], -from_edges[2]))
     return where(beside, nearest) + where(ca.logic_not(beside), height)
-
-
-def _selected(values: list[SX], data: list[SX], sign: int) -> tuple[SX, SX]:
-    """The largest (sign 1) or smallest (-1) of values, and the data that belong to it."""
-    best, chosen = values[0], data[0]
-    for value, own in zip(values[1:], data[1:], strict=True):
-        better = sign * best < sign * value
-        best = best + where(better, value - best)
-        chosen = chosen + where(better, own - chosen)
-    return best, chosen

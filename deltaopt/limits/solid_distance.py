@@ -91,11 +91,7 @@ class _Line:
         """A number with the sign of the distance's rate by the share."""
         far, rates, _ = self.beyond(share)
         outside = sum((positive(a) * rate for a, rate in zip(far, rates, strict=True)), SX(0))
-        farthest, inside = far[0], rates[0]
-        for a, rate in zip(far[1:], rates[1:], strict=True):
-            is_farther = farthest < a
-            farthest = farthest + where(is_farther, a - farthest)
-            inside = inside + where(is_farther, rate - inside)
+        farthest, inside = selected(far, rates, 1)
         is_outside = farthest > 0
         return where(is_outside, outside) + where(ca.logic_not(is_outside), inside)
 
@@ -135,6 +131,16 @@ def positive(value: SX) -> SX:
 def larger(one: SX, other: SX) -> SX:
     """The larger of two values."""
     return where(other < one, one) + where(ca.logic_not(other < one), other)
+
+
+def selected(values: list[SX], data: list[SX], sign: int) -> tuple[SX, SX]:
+    """The largest (sign 1) or smallest (-1) of values, and the data that belong to it."""
+    best, chosen = values[0], data[0]
+    for value, own in zip(values[1:], data[1:], strict=True):
+        better = sign * best < sign * value
+        best = best + where(better, value - best)
+        chosen = chosen + where(better, own - chosen)
+    return best, chosen
 
 
 def where(condition: SX, value: SX) -> SX:
