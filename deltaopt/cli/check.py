@@ -153,10 +153,8 @@ def _verdict(scene: Scene) -> str:
     if not (scene.via or scene.follows_path or scene.robot_keeps_clear):
         motion = if_possible((EndMoves, *RULED_OUT), baseline, scene)
     if motion is None:
-        motion, what = (
-            plan(scene, tolerance=_ROUGH).trajectory,
-            "a motion of {:.4g} s that was planned",
-        )
+        motion = plan(scene, tolerance=_ROUGH).trajectory
+        what = "a motion of {:.4g} s that was planned"
     told = f"can be done{beyond(MeasuredMotion(scene, motion).distances())}"
     return f"{told}: {what.format(motion.duration)} keeps all limits"
 

@@ -246,13 +246,11 @@ class Run(Loop):
         found = self._onto_belt(scene, found)
         if isinstance(scene.objective, Time):
             planned = partial(self._plan_by_limits, under_way=None)
-            first = partial(
-                finished_first,
-                scene,
-                tolerance=self.optimiser.tolerance,
-                planned=planned,
-                roughly=self.roughly,
-            )
+
+            def first(motion: PiecewisePolynomial | None, other: Plan | None) -> Plan | None:
+                tolerance, roughly = self.optimiser.tolerance, self.roughly
+                return finished_first(scene, motion, other, tolerance, planned, roughly)
+
             is_poor = isinstance(found, Plan) and found.gap > _NEARLY
             if is_poor or isinstance(found, NotConverged):  # else none is known even at rest
                 stopped = first(stop_of(scene, planned), None)
