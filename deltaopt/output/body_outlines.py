@@ -7,7 +7,7 @@ import numpy as np
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.robot.tool import Box, Sphere
-from deltaopt.scene.bodies import Body, Cylinder, HalfSpace, Hull, corners_of
+from deltaopt.scene.bodies import Body, Cylinder, HalfSpace, Hull, axes_with, corners_of
 from deltaopt.scene.scene import Scene
 
 _ROUND = 48
@@ -45,9 +45,7 @@ def edges_of(body: Body, about: Array, far: float) -> list[Array]:
     if isinstance(shape, Cylinder):
         return _rims(shape)
     if isinstance(shape, HalfSpace):
-        normal = np.array(shape.normal) / np.linalg.norm(shape.normal)
-        nearest = about - ((about - shape.point) @ normal) * normal
-        return [_disc(shape, nearest, far)[0]]
+        return [_disc(shape, about, far)[0]]
     return []
 
 
@@ -75,9 +73,11 @@ def _rims(shape: Cylinder) -> list[Array]:
     return [begin + ring, end + ring]
 
 
-def _disc(shape: HalfSpace, middle: Array, radius: float) -> tuple[Array, Array]:
-    """A circle in the plane of a half-space, (N, 3), m, and the plane's normal, (3,)."""
+def _disc(shape: HalfSpace, about: Array, radius: float) -> tuple[Array, Array]:
+    """A circle in the plane of a half-space about the place nearest to another one, (N, 3), m, and
+    the plane's normal, (3,)."""
     normal = np.array(shape.normal) / np.linalg.norm(shape.normal)
+    middle = about - ((about - shape.point) @ normal) * normal
     return middle + radius * _ring(normal), normal
 
 
@@ -87,7 +87,5 @@ def _angles() -> Array:
 
 def _ring(axis: Array) -> Array:
     """A circle of radius 1 about an axis, (N, 3)."""
-    first = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
-    first /= np.linalg.norm(first)
-    second, angles = np.cross(axis, first), _angles()[:, None]
-    return np.asarray(np.cos(angles) * first + np.sin(angles) * second)
+    (second, first, _), angles = np.array(axes_with(axis)), _angles()[:, None]
+    return np.asarray(np.cos(angles) * first - np.sin(angles) * second)

@@ -223,7 +223,7 @@ def _alone(
         normal = np.array(body.normal) / hypot(*body.normal)
         reach = float(np.abs((spread * normal).sum(axis=-1)).sum())
         middle = np.array(body.point) + moved + (_LARGE - reach) * normal
-        return Solid(_axes_with(normal), vector3(middle), (_LARGE, _LARGE, _LARGE), False, 0.0)
+        return Solid(axes_with(normal), vector3(middle), (_LARGE, _LARGE, _LARGE), False, 0.0)
     if isinstance(body, Hull):
         return _polytope(np.array(body.points) + moved, 0.0)
     return _at(moved + body.centre, body)
@@ -239,7 +239,7 @@ def _at(place: Array, shape: Box | Sphere | Along, longer: float = 0.0) -> Solid
         return Solid(ALONG_THE_BASE, centre, (0.0, _LARGE, 0.0), True, shape.radius)
     across, radius = (shape.radius, 0.0) if isinstance(shape, Cylinder) else (0.0, shape.radius)
     half = (across, _LARGE, shape.length / 2 + longer)
-    return Solid(_axes_with(_axis(shape)), centre, half, True, radius)
+    return Solid(axes_with(_axis(shape)), centre, half, True, radius)
 
 
 def _polytope(points: Array, radius: float) -> Polytope:
@@ -276,7 +276,7 @@ def _axis(body: Along) -> Array:
     return np.asarray(along / hypot(*along))
 
 
-def _axes_with(third: Array) -> Axes:
+def axes_with(third: Array) -> Axes:
     """Orthogonal unit vectors of which this is the third; those of the base where it is one."""
     first = np.eye(3)[np.argmin(np.abs(third))]
     second = np.cross(third, first)
