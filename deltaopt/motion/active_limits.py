@@ -85,14 +85,13 @@ def active_limits(problem: Problem, trajectory: Trajectory) -> tuple[ActiveLimit
     """The limits that a motion is at for some of its time, those of most time first, and before
     them a rotation that takes as long as the motion does."""
     cells = (np.arange(_STEPS) + 0.5) / _STEPS
-    edges = np.arange(_STEPS + 1) / _STEPS
-    lengths = np.diff(trajectory.knots)
-    begins = trajectory.knots[:-1, None] + lengths[:, None] * edges[:-1]
-    ends = np.append(begins.ravel()[1:], trajectory.knots[-1])
+    pieces, since = trajectory.position.everywhere(np.arange(_STEPS) / _STEPS)
+    begins = trajectory.knots[pieces] + since
+    ends = np.append(begins[1:], trajectory.knots[-1])
     found = []
     for (limit, subject), shares in share_curves(problem, trajectory, cells).items():
         at = np.where(np.abs(shares) >= AT_LIMIT, np.sign(shares), 0.0)
-        spans = tuple(_spans(at, begins.ravel(), ends))
+        spans = tuple(_spans(at, begins, ends))
         if spans:
             held = sum(span.end - span.begin for span in spans)
             found.append(ActiveLimit(limit, subject, spans, held / trajectory.duration))

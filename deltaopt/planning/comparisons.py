@@ -129,9 +129,7 @@ def rounded_path_over(scene: Scene) -> PickAndPlace | None:
     widest = dist(goal[1:], start[1:]) / 2
     heights = [height for height in _HEIGHTS.tolist() if height < widest]
     clear = next((i for i, height in enumerate(heights) if _is_clear(scene, height)), None)
-    if clear is None:
-        return None
-    if clear == 0 and _is_clear(scene, _STRAIGHT):
+    if clear is None or (clear == 0 and _is_clear(scene, _STRAIGHT)):
         return None
     low, high = heights[clear - 1] if clear else _STRAIGHT, heights[clear]
     return _path(bisected_number(lambda height: _is_clear(scene, height), low, high, _HALVINGS)[1])

@@ -177,10 +177,8 @@ class Refinement:
                 self._failures += 1
                 self._edges_left -= faces is not None
         last = self.meshes[-1]
-        if self.resolver is None or last.gap >= _DETECTABLE_GAP:
-            return None
-        if last.faces is not None:  # arcs do not hold limits at edges
-            return None
+        if self.resolver is None or last.gap >= _DETECTABLE_GAP or last.faces is not None:
+            return None  # nor do arcs hold limits at edges
         return self.resolver.from_last(last)
 
     def certificate(self, chosen: MeshSolution) -> Certificate | None:
