@@ -6,11 +6,13 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from itertools import takewhile
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
+from deltaopt.curves.passages import passages
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.errors import DeltaOptError
@@ -30,7 +32,7 @@ from deltaopt.scene.known_limits import Limits
 from deltaopt.scene.moving_ends import Anywhere, End, Start, State
 from deltaopt.scene.objective import Objective, Time
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import OnPath
+from deltaopt.scene.task import OnPath, Task
 from deltaopt.settings import (
     MOST,
     MOST_INTERVALS,
@@ -48,6 +50,8 @@ _AT_REST = 1e-8
 """Share of the largest speed at a motion's knots, below which an instant of it counts as rest. At
 the very end of a motion rounding leaves a speed; a stop from there would take 1e-15 s, which no
 solver resolves. It is far below what verification sees."""
+_PASSED = 1e-6
+"""m; a motion that misses a via point by less has passed it."""
 FORMULATIONS_EXPECTED = (
     "deltaopt.flat, deltaopt.forward, or a formulation of the dynamics such as deltaopt.explicit"
 )
@@ -219,7 +223,8 @@ class Planner:
         """Plan the best motion of a scene with this planner's settings.
 
         ``start``: an instant of a motion in which the new one begins, instead of the scene's start;
-        as in ``plan``, but with all that a scene asks for, such as bodies to keep clear of.
+        as in ``plan``, but with all that a scene asks for, such as bodies to keep clear of. Via
+        points at its head that the motion has passed by then are not asked for again.
         ``starts``, ``seed``, ``exhaustive``, ``progress`` and the errors raised: as of the function
         ``plan``.
         """
@@ -231,7 +236,9 @@ class Planner:
             search = Search(starts - 1 if starts > 1 else MOST, exhaustive, seed)
         under_way = None
         if start is not None:
-            scene = scene.model_copy(update={"start": _state_of(start, scene.has_rates)})
+            ahead = (scene.via or ())[_passed_before(start, scene.task) :] or None
+            state = _state_of(start, scene.has_rates)
+            scene = scene.model_copy(update={"start": state, "via": ahead})
             under_way = _rest_of(start)
         scene.require_consistent()
         self._require_settings(scene, starts, exhaustive)
@@ -319,6 +326,17 @@ def _state_of(motion: Motion, with_acceleration: bool = False) -> State:
     acceleration = tuple(motion.a.tolist()) if with_acceleration else None
     at, velocity = tuple(motion.x.tolist()), tuple(v.tolist())
     return State(at=at, velocity=velocity, acceleration=acceleration)
+
+
+def _passed_before(motion: Motion, task: Task) -> int:
+    """How many of a task's via points, from the first on, the motion that an instant belongs to
+    has passed by then."""
+    if motion.under_way is None:
+        return 0
+    spheres = [(point.position, point.within) for point in task.via]
+    found = passages(motion.under_way.position, spheres)
+    passed = takewhile(lambda each: each[0] <= _PASSED and each[1] <= motion.t, found)
+    return sum(1 for _ in passed)
 
 
 def _rest_of(motion: Motion) -> PiecewisePolynomial | None:

@@ -10,6 +10,7 @@ from numpy.polynomial import Polynomial
 
 from deltaopt.curves.bernstein import control_points_of, largest_norm, parts_of
 from deltaopt.curves.nodes import gauss
+from deltaopt.curves.passages import passages
 from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial
 from deltaopt.curves.roots import real_roots, sure_largest
 from deltaopt.limits.limit import Column, OwnMeasure
@@ -118,31 +119,9 @@ def _summed(lengths: Array) -> Array:
 
 def off_via_points(task: Task, trajectory: Trajectory) -> float:
     """The largest distance, m, at which the motion passes a via point of a task or the sphere about
-    one, each looked for after the one before it.
-
-    On every interval the squared distance is a polynomial; it is least at an end or at a root of
-    its derivative, and a sphere is entered at a root of what it is beyond the squared radius. Of
-    places that are as near, the first counts.
-    """
-    worst, interval, since = 0.0, 0, 0.0
-    coefficients, lengths = trajectory.position.coefficients, np.diff(trajectory.knots)
-    for point in task.via:
-        best = (np.inf, 0, 0.0)
-        for k in range(interval, len(lengths)):
-            away = coefficients[k].copy()
-            away[0] -= point.position
-            squares = [Polynomial(each) ** 2 for each in away.T]
-            square = squares[0] + squares[1] + squares[2]
-            begin, end = (since if k == interval else 0.0), float(lengths[k])
-            curves = [square.deriv(), *([square - point.within**2] if point.within else [])]
-            roots = [s for each in curves for s in real_roots(each, begin, end, end).tolist()]
-            for s in sorted([begin, end, *roots]):
-                missed = max(float(np.sqrt(max(square(s), 0.0))) - point.within, 0.0)
-                if missed < best[0] - _AS_NEAR:
-                    best = missed, k, float(s)
-        missed, interval, since = best
-        worst = max(worst, missed)
-    return worst
+    one, each looked for after the one before it."""
+    spheres = [(point.position, point.within) for point in task.via]
+    return max(missed for missed, _ in passages(trajectory.position, spheres))
 
 
 def off_approach(columns: tuple[Column, Column], trajectory: Trajectory) -> float:

@@ -259,6 +259,22 @@ def test_verification_sees_spheres_that_are_missed_or_passed_out_of_turn():
     assert off_via_points(through(narrow, tuple(early)).task, trajectory) > 0.005
 
 
+def test_points_that_were_passed_are_not_asked_for_again():
+    """Whatever comes next of a scene, it takes no longer than what is left of its motion."""
+    scene = through(SCENE.via[0], {"at": BENT, "within": 0.01})
+    old, planner = plan(scene), deltaopt.Planner(SCENE.robot, payload=SCENE.payload)
+    first, second = np.cumsum(old.phases)[:2]
+    for t, ahead in ((0.9 * first, 2), (0.5 * (first + second), 1), (second + 1e-3, 0)):
+        new = planner.plan_scene(scene, start=old.trajectory(t))
+        assert len(new.scene.via or ()) == ahead
+        assert verify(new.scene, new.trajectory).failures() == []
+        assert new.duration <= (old.duration - t) * (1 + 1e-9)
+    state = old.trajectory(second + 1e-3)
+    alone = State(at=tuple(state.x.tolist()), velocity=tuple(state.v.tolist()))
+    asked = plan(scene.model_copy(update={"start": alone}))  # nobody says what was passed
+    assert len(asked.scene.via) == 2
+
+
 def test_a_sphere_whose_centre_is_in_a_body():
     """A body about the centre, smaller than the sphere: the motion passes between both."""
     content = {"sphere": {"centre": BENT, "radius": 0.01}}
