@@ -507,3 +507,55 @@ def test_a_rate_of_torque_is_kept_on_a_fine_mesh_where_the_goal_moves() -> None:
         }
     )
     assert good_plan(scene).duration < 0.3825  # 0.4472 s with a rest on the way
+
+
+@pytest.mark.parametrize(
+    ("lengths", "masses", "torque", "start", "velocity", "box"),
+    [
+        (
+            (0.1994, 0.0854, 0.1736, 0.4146),
+            (0.391, 0.2913, 0.4048),
+            10.141,
+            (0.362912, 0.002805, -0.012116),
+            (0.39753, 2.63195, -1.02539),
+            {"from": [0.3662, 0.0046, -0.5], "to": [1.6, 0.0246, 0.5]},
+        ),
+        (
+            (0.1506, 0.0374, 0.1995, 0.7155),
+            (1.3779, 0.491, 0.4119),
+            52.851,
+            (0.64833, -0.116472, 0.041869),
+            (-0.39512, 2.95338, -4.5643),
+            {"from": [0.6458, -0.0962, -0.5], "to": [1.6, -0.0763, 0.5]},
+        ),
+    ],
+)
+def test_a_stop_right_over_a_wall_is_no_longer_than_from_a_little_slower(
+    lengths, masses, torque, start, velocity, box
+):
+    """Where it would run into the wall by millimetres it is led aside by as little: it takes about
+    as long as the stop without the wall, not 30 times as long."""
+    base, platform, arm, forearm = lengths
+    robot = deltaopt.Robot(
+        name="a Delta of these proportions",
+        base_radius=base,
+        platform_radius=platform,
+        upper_arm={"length": arm, "mass": masses[0]},
+        forearm={"length": forearm, "mass": masses[1]},
+        platform={"mass": masses[2]},
+        drive={"torque": torque},
+    )
+    scene = Scene(
+        robot=robot,
+        payload=0.5,
+        start={"at": start, "velocity": velocity},
+        goal="anywhere",
+        keep_out=[{"box": box}],
+    )
+    slower = [
+        {"at": start, "velocity": [share * v for v in velocity]} for share in (1 - 1e-6, 0.999)
+    ]
+    stops = [good_plan(scene.model_copy(update={"start": each})).duration for each in slower]
+    free, stop = plan(scene.model_copy(update={"keep_out": None})), good_plan(scene)
+    assert free.duration < stop.duration < 1.1 * free.duration
+    assert stops == pytest.approx([stop.duration] * 2, rel=4e-3)

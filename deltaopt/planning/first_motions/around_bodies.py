@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import chain, islice
 from math import dist
+from operator import itemgetter
 
 import numpy as np
 
@@ -31,7 +32,7 @@ from deltaopt.planning.first_motions.bands import (
     sampled,
     sides_of,
 )
-from deltaopt.planning.first_motions.bows import bows, is_near_any, speeds
+from deltaopt.planning.first_motions.bows import bows, is_near_any, sides_around, speeds
 from deltaopt.planning.first_motions.initial_motion import Proposal, roughly_fastest
 from deltaopt.planning.first_motions.passages import shortest_paths, what_was_searched
 from deltaopt.problem.of_scene import problem_of
@@ -57,6 +58,8 @@ at the edge of the workspace, bows of the first motion and bands of bent lines a
 _BENT, _OF_EACH = (0.4, 0.8), 2
 """Of the way, how far lines are bent to each of four sides then, and how many bands of each are
 looked at. Bands of the line itself lead to one side of a body that fills half the workspace."""
+_ASIDE = 0.01 * 2.0 ** np.arange(8)
+"""Of the way, how far a motion whose ends move is led aside at most."""
 _SAME = 0.05
 """Of the way: paths that are nowhere farther apart are the same way."""
 
@@ -112,6 +115,22 @@ def ways_around(
     if free and are_few:
         lines = _bent(bodies, sampled(first))
         yield drawn(chain.from_iterable(islice(clear_bands(bodies, x), _OF_EACH) for x in lines))
+
+
+def ways_beside(scene: Scene, free: Trajectory) -> list[Proposal]:
+    """The ways of a motion that runs into bodies, led aside to each side by as little as it takes
+    to be clear of them, the least first and each way once: such a motion begins and ends as that
+    does, which none does that is driven from rest to rest."""
+    bodies, path = Bodies.along(scene, free)
+    found = list[tuple[float, Trajectory]]()
+    for side in sides_around(path[-1] - path[0]):
+        motions = ((size, free.beside(size * bodies.way * side)) for size in _ASIDE.tolist())
+        found += islice((each for each in motions if is_clear(scene, each[1])), 1)
+    ways = dict[str, Proposal]()
+    for _, motion in sorted(found, key=itemgetter(0)):
+        way = _way(bodies, sampled(motion), motion)
+        ways.setdefault(way.name, way)
+    return list(ways.values())
 
 
 def _bent(bodies: Bodies, path: Array) -> Iterator[Array]:

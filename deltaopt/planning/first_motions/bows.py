@@ -89,11 +89,16 @@ def _shapes() -> Array:
 _SHAPES = _shapes()
 
 
+def sides_around(along: Array) -> Array:
+    """The sides to which a path in some direction is shifted, unit vectors, (sides, 3)."""
+    up, left, _, _ = sides_of(along)
+    angles = 2 * np.pi * np.arange(_SIDES)[:, None] / _SIDES
+    return np.asarray(np.cos(angles) * up + np.sin(angles) * left)
+
+
 def _shifts(path: Array) -> Array:
     """All bows of a path, by how far each shape shifts it, of the way, (bows, shapes, 3)."""
-    up, left, _, _ = sides_of(path[-1] - path[0])
-    angles = 2 * np.pi * np.arange(_SIDES)[:, None] / _SIDES
-    sides = np.cos(angles) * up + np.sin(angles) * left
+    sides = sides_around(path[-1] - path[0])
     one, each = ((sizes[:, None, None] * sides).reshape(-1, 3) for sizes in (_SIZES, _SIZES_OF_TWO))
     shifts = np.zeros((len(_PEAKS) * len(one) + len(each) ** 2, len(_SHAPES), 3))
     for k, own in enumerate(np.split(shifts[: len(_PEAKS) * len(one)], len(_PEAKS))):
