@@ -9,24 +9,26 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-
-import numpy as np
+from functools import cached_property
+from math import inf
 
 from deltaopt.errors import RULED_OUT, DeltaOptError, Infeasible, if_possible
 from deltaopt.motion.motion_sequence import waiting
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings, not_found
 from deltaopt.planning.plan import Plan, plan_as_it_is
 from deltaopt.problem.boundary import REST
 from deltaopt.scene.moving_ends import State
+from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 
 _PLACES = 8
 """Places that are planned to, from the first to the last at which positions and speeds allow to
-meet the belt: each takes as long as a plan. Between more of them shorter meetings are found."""
-_HALVINGS = 4
-"""How often the time between the last place that is reached too late and the first that is not is
-halved: the first motion then waits for a few per cent of its duration at most. And how often the
-belt is planned to again from a start that cannot wait."""
+meet the belt, beside those soon after that begins to be possible: each takes as long as a plan."""
+_HALVINGS, _RESOLVED = 16, 0.25
+"""How often at most the time is halved between a place that is reached in time and one before it
+that is not, and until which share of the tolerance. And how often the belt is planned to again from
+a start that cannot wait."""
 _SAME_TIME = 0.02
 """Of the time at which a belt is met: a motion that ends so much earlier or later is near it."""
 _TOO_LATE = 1.05
@@ -44,7 +46,8 @@ class TooLate(Infeasible):
 class PlacesOnBelt:
     """Plans to places on the way of a scene's belt, and what came of them.
 
-    ``planned``: plans a scene, or returns the error that prevents it. ``nearest``: of the places
+    ``planned``: plans a scene, or returns the error that prevents it. ``nearby``: plans
+    it from the motion of a neighbouring one, if that leads to a plan. ``nearest``: of the places
     that are reached too late, by how many times so: the least, and when the belt is there, s.
     ``early``: when the belt is, s, at a place to which a start that moves, and cannot wait, leads
     sooner.
@@ -52,35 +55,62 @@ class PlacesOnBelt:
 
     scene: Scene
     planned: Callable[[Scene], Plan | DeltaOptError]
+    nearby: Callable[[Scene, Trajectory], Plan | None]
     nearest: tuple[float, float] | None = None
     early: float | None = None
 
-    def plan(self) -> Plan | None:
-        """The plan that waits and then meets the belt as soon as possible, or without waiting when
-        a given duration is over, if there is one."""
+    @cached_property
+    def is_awaited(self) -> bool:
+        """Whether a robot at rest waits for a belt that it is not possible to meet at once."""
+        return self._may_wait and not Meetings(self.scene).is_possible_at_once
+
+    def is_met_again(self, before: float) -> bool:
+        """Whether a belt that it is possible to meet at once cannot be met for a while, but then
+        again ``before`` some instant, s."""
+        if not self._may_wait or self.is_awaited:
+            return False
+        return bool((Meetings(self.scene).begins < before).any())
+
+    @property
+    def _may_wait(self) -> bool:
+        task, is_time = self.scene.task, isinstance(self.scene.objective, Time)
+        return is_time and task.goal.moves and task.start.velocity == REST
+
+    def plan(self, most: float = inf) -> Plan | None:
+        """The plan that waits and then meets the belt as soon as possible, before ``most``, s, or
+        without waiting when a given duration is over, if there is one.
+
+        A known place is planned to first, then places nearer and nearer to where it begins to be
+        possible to meet the belt, or to where that is too soon. Between them is what the plan
+        may be longer than the soonest: its gap.
+        """
         given = self.scene.objective.given_duration
         if given is not None:  # the belt is at a known place then
-            found = self._plan_to(given)
-            return replace(found, scene=self.scene) if found else None
-        times = Meetings(self.scene).durations
-        if not len(times):
-            return None
-        late, found = 0.0, None
-        for i in np.linspace(0, len(times) - 1, min(_PLACES, len(times))).round().astype(int):
-            found = self._plan(float(times[i]))
-            if found is not None or self.early:
+            plan = self._plan_to(given)
+            return replace(plan, scene=self.scene) if plan else None
+        meetings, late, plan = Meetings(self.scene), 0.0, None
+        for time in meetings.looked_at(_PLACES):
+            if time >= most or self.early:
+                return None
+            plan = self._in_time(self._plan_to(time), time)
+            if plan is not None:
                 break
-            late = float(times[i])
-        if found is None:
+            late = time
+        if plan is None:
             return None
+        late = max([late, *meetings.begins[meetings.begins < time].tolist()])
         for _ in range(_HALVINGS):
-            middle = (late + found.duration) / 2
-            sooner = self._plan(middle)
-            if sooner is None:
-                late = middle
-            else:
-                found = sooner
-        return found
+            if time - late <= _RESOLVED * plan.tolerance * time:
+                break
+            middle = (late + time) / 2
+            sooner = self._in_time(self.nearby(self._scene_at(middle), plan.trajectory), middle)
+            late, time, plan = (middle, time, plan) if sooner is None else (late, middle, sooner)
+        still = waiting(
+            plan.trajectory.model, self.scene.task.start.position, REST, time - plan.duration
+        )
+        motion = still.then(plan.trajectory)
+        found = plan_as_it_is(self.scene, motion, plan.tolerance, plan.formulation)
+        return replace(found, gap=time / late - 1 if late else inf, ways=plan.ways)
 
     def without_waiting(self, time: float) -> Plan | None:
         """The plan to about where the belt is when it ends, from a start that cannot wait: to where
@@ -108,28 +138,28 @@ class PlacesOnBelt:
         found.__cause__ = error
         return found
 
-    def _plan(self, time: float) -> Plan | None:
-        """The plan that waits and meets the belt at a time, s; None if none is found."""
-        plan = self._plan_to(time)
+    def _in_time(self, plan: Plan | None, time: float) -> Plan | None:
+        """A plan to where the belt is at a time, s, if it is there before, with time to wait; None
+        if it is not."""
         if plan is None:
             return None
-        wait = time - plan.duration
-        if wait < _LEAST_WAIT * plan.duration:
+        if time - plan.duration < _LEAST_WAIT * plan.duration:
             late = plan.duration / time, time
             self.nearest = min(late, self.nearest or late)
             return None
         if self.scene.task.start.velocity != REST:
             self.early = time
             return None
-        still = waiting(plan.trajectory.model, self.scene.task.start.position, REST, wait)
-        motion = still.then(plan.trajectory)
-        return plan_as_it_is(self.scene, motion, plan.tolerance, plan.formulation)
+        return plan
 
     def _plan_to(self, time: float) -> Plan | None:
         """The plan to where the belt is at a time, s, whenever it gets there."""
-        goal = self.scene.task.goal
-        at = goal.at(time, goal.position)
-        state = State(at=at.position, velocity=at.velocity)
-        there = self.scene.model_copy(update={"goal": state})
+        there = self._scene_at(time)
         plan = if_possible(RULED_OUT, self.planned, there)  # such as beyond a singularity
         return plan if isinstance(plan, Plan) else None
+
+    def _scene_at(self, time: float) -> Scene:
+        """The scene whose goal is the state in which the belt is at a time, s."""
+        goal = self.scene.task.goal
+        at = goal.at(time, goal.position)
+        return self.scene.model_copy(update={"goal": State(at=at.position, velocity=at.velocity)})

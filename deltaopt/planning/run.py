@@ -239,13 +239,20 @@ class Run(Loop):
         return Legs(planned, self.journal.note)
 
     def _plan_moving(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
-        """Plan the fastest motion in phases or where an end moves, from the first good guess."""
+        """Plan the fastest motion in phases or where an end moves, from the first good guess; onto
+        a belt that is not possible to meet at once, as soon as it is, if that can be."""
+        planned = partial(self._plan_by_limits, under_way=None)
+        on_belt = PlacesOnBelt(scene, partial(or_error, planned), self._nearby)
+        if on_belt.is_awaited and (waited := on_belt.plan()):
+            return waited
         found = self._moving_past(scene, under_way) or self._past_or_through(
             scene, simple_motions(scene, under_way)
         )
         found = self._onto_belt(scene, found)
+        most = found.duration if isinstance(found, Plan) else inf
+        if on_belt.is_met_again(most) and (waited := on_belt.plan(most)):
+            found = better(found, waited)
         if isinstance(scene.objective, Time):
-            planned = partial(self._plan_by_limits, under_way=None)
 
             def first(motion: PiecewisePolynomial | None, other: Plan | None) -> Plan | None:
                 tolerance, roughly = self.optimiser.tolerance, self.roughly
@@ -267,7 +274,9 @@ class Run(Loop):
         if not scene.task.goal.moves or (isinstance(found, Plan) and found.gap <= enough):
             return found
         tried = len(self.attempts)
-        places = PlacesOnBelt(scene, lambda each: self._past_or_through(each, simple_motions(each)))
+        places = PlacesOnBelt(
+            scene, lambda each: self._past_or_through(each, simple_motions(each)), self._nearby
+        )
         self.journal.note("once more, by way of places that the belt passes:")
         waiting = places.plan()
         first = places.without_waiting(places.early) if places.early else waiting

@@ -559,3 +559,59 @@ def test_a_stop_right_over_a_wall_is_no_longer_than_from_a_little_slower(
     free, stop = plan(scene.model_copy(update={"keep_out": None})), good_plan(scene)
     assert free.duration < stop.duration < 1.1 * free.duration
     assert stops == pytest.approx([stop.duration] * 2, rel=4e-3)
+
+
+def _behind_a_wall(speed, *edges):
+    """A belt that comes from behind a wall, 5 mm below its top, to where this ends at a place of y,
+    m, and is gone behind the next where that begins."""
+    ends = [(-2.0, edges[0]), *([(edges[1], 2.0)] if len(edges) > 1 else [])]
+    return CROSS.model_copy(
+        update={
+            "payload": None,
+            "start": (0.75, 0.0, 0.0),
+            "goal": {"at": (0.85, -0.3, 0.0), "belt": (0.0, speed, 0.0)},
+            "keep_out": [{"box": {"from": [0.845, a, -0.5], "to": [0.9, b, 0.5]}} for a, b in ends],
+        }
+    )
+
+
+def _waited_for(scene, y):
+    """When the belt is at a place to which a motion that waits for it leads, s."""
+    belt = scene.goal
+    state = {"at": (*belt.at[:1], y, *belt.at[2:]), "velocity": belt.belt}
+    there, time = (
+        good_plan(scene.model_copy(update={"goal": state})),
+        (y - belt.at[1]) / belt.belt[1],
+    )
+    assert there.duration < time
+    return time
+
+
+def test_a_belt_from_behind_a_wall_is_met_as_soon_as_it_can_be_wherever_that_ends():
+    met = []
+    for edge in (0.0471, 0.0472, 0.0473):
+        scene = _behind_a_wall(0.3, edge)
+        found = good_plan(scene)
+        assert found.duration < _waited_for(scene, edge + 0.0007)
+        assert found.duration > (edge + 0.3) / 0.3  # none meets it in the wall
+        met.append(found.duration)
+    assert np.diff(met) == pytest.approx(1e-4 / 0.3, rel=2.0)
+    narrower = (
+        good_plan(_behind_a_wall(0.3, 0.0453, 0.0573)),
+        good_plan(_behind_a_wall(0.3, 0.0453)),
+    )
+    assert narrower[0].duration == pytest.approx(narrower[1].duration, rel=5e-4)
+
+
+def test_a_belt_that_is_seen_through_a_window_for_milliseconds_is_met():
+    met = good_plan(_behind_a_wall(1.0, 0.0473, 0.0553)).duration
+    assert 0.0473 < 1.0 * met - 0.3 < 0.0553
+
+
+def test_a_belt_that_comes_into_a_workspace_is_met_at_its_rim():
+    robot = CROSS.robot.model_copy(update={"workspace": {"radius": 0.2}})
+    goal = {"at": (0.85, -0.5, 0.0), "belt": (0.0, 0.1, 0.0)}
+    scene = Scene(robot=robot, start=(0.75, 0.0, 0.0), goal=goal)
+    found = good_plan(scene)
+    assert 3.0 < found.duration < _waited_for(scene, -0.1995)
+    assert found.duration * (1 - found.gap) < 3.005

@@ -58,7 +58,7 @@ at the edge of the workspace, bows of the first motion and bands of bent lines a
 _BENT, _OF_EACH = (0.4, 0.8), 2
 """Of the way, how far lines are bent to each of four sides then, and how many bands of each are
 looked at. Bands of the line itself lead to one side of a body that fills half the workspace."""
-_ASIDE = 0.01 * 2.0 ** np.arange(8)
+_ASIDE = 0.01 * 2.0 ** np.arange(7)
 """Of the way, how far a motion whose ends move is led aside at most."""
 _SAME = 0.05
 """Of the way: paths that are nowhere farther apart are the same way."""

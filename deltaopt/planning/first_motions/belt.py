@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 
 from deltaopt.curves.piecewise import Array, Truths
@@ -18,12 +16,16 @@ from deltaopt.scene.scene import Scene
 
 _PLACES = 240
 """Places of a belt's way that are looked at: of a way of three metres one each 12 mm."""
+_SECTIONS, _PARTS = 8, np.arange(1, 16) / 16
+"""How often the time between two of the places is divided, and where, until it is known when a
+limit begins or ceases to be kept: to 2⁻³² of it."""
 _TRIED = 24
 """Durations of first motions among those at which the belt can be met."""
 
 
 class Meetings:
-    """The way of a belt near the robot, looked at in ``_PLACES`` places.
+    """The way of a belt near the robot, looked at in ``_PLACES`` places, and where limits begin and
+    cease to be kept between these.
 
     ``times``: when the goal is there, s after the motion's start, increasing; none if it never
     comes near. ``near``: how near the base's centre that is, m. ``sizes``: of the limits of
@@ -36,23 +38,67 @@ class Meetings:
         self.scene, self.goal, self.near = scene, scene.task.goal, scene.robot.farthest
         self.times, self.sizes = _times_within(self.goal, self.near), np.zeros((0, 1))
         if len(self.times):
-            since = self.times - self.times[0]
-            first = self.goal.at(self.times[0], self.goal.position)
-            line = np.array([[first.position, first.velocity]])
-            sizes = sizes_at(problem_of(scene), line, since[-1:], since / since[-1])[0]
-            counted = limits_of(scene).constraints.orders < 2
-            self.sizes = sizes * counted  # out of reach is out of reach
+            self.sizes = self._sizes_at(self.times)
+            added = self._where_limits_begin()
+            self.times, which = np.unique(np.append(self.times, added), return_index=True)
+            self.sizes = np.vstack([self.sizes, self._sizes_at(added)])[which]
 
-    @cached_property
+    def _sizes_at(self, times: Array) -> Array:
+        """Of the limits of position and speed at times, (n, rows)."""
+        since, last = times - self.times[0], self.times[-1:] - self.times[0]
+        first = self.goal.at(self.times[0], self.goal.position)
+        line = np.array([[first.position, first.velocity]])
+        sizes = sizes_at(problem_of(self.scene), line, last, since / last)[0]
+        counted = limits_of(self.scene).constraints.orders < 2
+        return np.asarray(sizes * counted)  # out of reach is out of reach
+
+    def _where_limits_begin(self) -> Array:
+        """When it begins or ceases to be possible to meet the belt, as late or as soon as it is,
+        s; and where it is possible at neither of two places, when that is so of each limit: between
+        two bodies there may be room for less than is between places."""
+        kept = np.column_stack([self.possible, self.sizes <= 1])
+        changes = kept[1:] != kept[:-1]
+        doubtful = np.isfinite(self.sizes).all(axis=1) & ~kept[:, 0]
+        changes[:, 1:] &= (doubtful[1:] & doubtful[:-1])[:, None]
+        k, row = np.nonzero(changes)
+        begin, end = np.where(kept[k, row], [k, k + 1], [k + 1, k])
+        inside, outside = self.times[begin], self.times[end]
+        for _ in range(_SECTIONS):
+            between = inside + (outside - inside) * _PARTS[:, None]
+            sizes = self._sizes_at(between.ravel()) <= 1
+            each = np.column_stack([sizes.all(axis=1), sizes]).reshape(*between.shape, -1)
+            still = np.logical_and.accumulate(each[:, np.arange(len(k)), row]).sum(axis=0)
+            step = (outside - inside) / (len(_PARTS) + 1)
+            inside, outside = inside + still * step, inside + (still + 1) * step
+        return np.asarray(inside)
+
+    @property
     def possible(self) -> Truths:
         """At which of the times the belt can be met as far as positions and speeds go, (N,)."""
         return np.asarray((self.sizes <= 1).all(axis=1))  # False where not a number
 
     @property
+    def begins(self) -> Array:
+        """When it begins to be possible to meet it after the motion's start, increasing, s."""
+        begins = self.possible & ~np.append(False, self.possible[:-1]) & (self.times > 0)
+        return np.asarray(self.times[begins])
+
+    @property
     def durations(self) -> Array:
         """Some of the times at which it can be met, increasing, s: of motions that meet it."""
+        return self._spread(_TRIED)
+
+    def looked_at(self, number: int) -> list[float]:
+        """So many of these, and one soon after each instant at which it begins to be possible."""
+        possible, begins = self.times[self.possible], self.begins
+        after = np.searchsorted(possible, begins, side="right")
+        soon = (begins + possible[np.minimum(after, len(possible) - 1)]) / 2
+        found: list[float] = np.union1d(np.setdiff1d(self._spread(number), begins), soon).tolist()
+        return found
+
+    def _spread(self, number: int) -> Array:
         found = self.times[self.possible & (self.times > 0)]
-        chosen = np.linspace(0, len(found) - 1, min(_TRIED, len(found))).round()
+        chosen = np.linspace(0, len(found) - 1, min(number, len(found))).round()
         return np.asarray(found[chosen.astype(int)])
 
     @property
@@ -90,7 +136,7 @@ class Meetings:
         can no longer be met, nor between two of the places that are looked at."""
         if self.scene.task.start.velocity != REST:
             return self
-        step, allowed = self.times[1] - self.times[0], self.times[self.possible]
+        step, allowed = float(np.diff(self.times).max()), self.times[self.possible]
         least = list[float]()
         for time in allowed[::-1].tolist():
             least.append(soonest(self.scene, self.goal.at(time, self.goal.position).position))
