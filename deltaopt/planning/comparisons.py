@@ -105,7 +105,7 @@ def beside_free_path(found: Plan) -> Plan:
 
     It is planned now, to the same tolerance. The plan is returned as it is where its path is
     free already or in a tube, or where it begins or ends at a speed. Raises NotConverged where
-    no motion on a free path is found.
+    no motion on a free path is found, and TypeError for what is no plan.
 
     Examples:
         >>> glue = deltaopt.plan(deltaopt.load_scene("problems/paths/glue_line.yaml"))
@@ -113,6 +113,7 @@ def beside_free_path(found: Plan) -> Plan:
         >>> beside.free_duration < beside.duration
         True
     """
+    require_type("found", found, Plan, "a Plan")
     if not (found.scene.follows_path and found.scene.task.is_at_rest):
         return found
     free = plan(found.scene.model_copy(update={"path": None}), tolerance=found.tolerance)

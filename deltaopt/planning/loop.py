@@ -187,6 +187,13 @@ class Loop:
         self.make(in_phases(so_far, self.optimiser.intervals, proposals), so_far)
         if so_far.tried:
             return or_error(so_far.best_known)
+        free = scene.model_copy(update={"approach": None})
+        for name, column in zip(("start", "goal"), scene.columns, strict=False):
+            top = Boundary((column.level, column.y, column.z))
+            try:
+                require_state(free, f"approach.{name}, the top of the cylinder", top, orders=1)
+            except RULED_OUT as error:
+                return Infeasible(str(error))
         columns = " and along the cylinders of approach" if scene.approach else ""
         return Infeasible(f"no simple motion through all given points{columns} stays within reach")
 

@@ -249,8 +249,9 @@ class Planner:
         objective. No other way is looked for.
 
         Raises what rules the scene out, and NotConverged where the motion leads to no plan near an
-        optimum, or the path is given.
+        optimum, or the path is given, and TypeError for what is no trajectory.
         """
+        require_type("motion", motion, Trajectory, "a Trajectory, such as plan.trajectory")
         scene.require_consistent()
         return self._told(lambda run: run.plan_near(scene, motion), None)
 

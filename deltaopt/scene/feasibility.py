@@ -31,6 +31,11 @@ _SHORTEST_MOVE = 1e-12
 _ON_SPHERE = 0.99
 """Share of the radius of a via point's sphere at which the platform is looked at: where it can be
 at the sphere alone, rounding would decide."""
+_CUBE = np.array([each for each in product((-1.0, 0.0, 1.0), repeat=3) if any(each)])
+DIRECTIONS = np.vstack([np.zeros(3), _CUBE / np.linalg.norm(_CUBE, axis=1, keepdims=True)])
+"""To places of a sphere that are looked at: its centre, and 26 of a cube's, (27, 3)."""
+_STEPS, _SHORTER = 12, 0.6
+"""How many steps the place with the most room is looked for in, each so much shorter."""
 _CLEAR = 1e-6
 """Squared distance from serial singularities above which an end needs no closer look."""
 _ROUNDING = 1e-12
@@ -100,18 +105,29 @@ def require_ride(scene: Scene, name: str, places: Array, velocity: Vector3) -> N
 def _require_sphere(scene: Scene, number: int, sphere: Boundary) -> None:
     """Raise Infeasible if the platform can be neither at the centre of a sphere nor at places
     around it."""
-    ways = np.array([each for each in product((-1.0, 0.0, 1.0), repeat=3) if any(each)])
-    ways *= _ON_SPHERE * sphere.within / np.linalg.norm(ways, axis=1, keepdims=True)
+    centre, most = np.array(sphere.position), _ON_SPHERE * sphere.within
+    places = np.vstack([centre + most * DIRECTIONS, roomiest(scene, centre, most)])
     first = None
-    for away in [np.zeros(3), *ways]:
-        x, y, z = (np.array(sphere.position) + away).tolist()
+    for x, y, z in places.tolist():
         try:
             return require_state(scene, f"via {number}", Boundary((x, y, z)), orders=1)
         except (Unreachable, Singular, Infeasible) as error:
             first = first or error
     assert first is not None
-    away = f"{1e3 * _ON_SPHERE * sphere.within:g} mm away"
-    raise Infeasible(f"{first}; nor is any of {len(ways)} places {away} possible") from first
+    within = f"{1e3 * most:g} mm of it"
+    raise Infeasible(f"{first}; nor is a place possible that was found within {within}") from first
+
+
+def roomiest(scene: Scene, centre: Array, radius: float) -> Array:
+    """The place in a sphere, m, where the platform at rest has the most room, (3,): looked for from
+    the centre in smaller and smaller steps."""
+    best, step = centre, radius
+    for _ in range(_STEPS):
+        away = best + step * DIRECTIONS - centre
+        beyond = np.maximum(np.linalg.norm(away, axis=1, keepdims=True) / radius, 1.0)
+        places = centre + away / beyond
+        best, step = places[room_at_rest(scene, places).argmax()], _SHORTER * step
+    return np.asarray(best)
 
 
 def require_state(

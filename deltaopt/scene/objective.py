@@ -264,8 +264,11 @@ def objective_in(content: dict[str, object]) -> dict[str, object]:
     if word == "time":
         return {**rest, "objective": Time()}
     if isinstance(given, dict):
+        costs = [key for key in given if key in _WITH_TIME]
+        if len(costs) > 1:
+            raise SceneError(None, "objective", given, EXPECTED, f"has {' and '.join(costs)}")
         kind: type[_WithTime]
-        kind = next((_WITH_TIME[key] for key in given if key in _WITH_TIME), TimeAndEffort)
+        kind = _WITH_TIME[costs[0]] if costs else TimeAndEffort
         if kind is TimeAndEffort and isinstance(given.get("effort"), list | tuple):
             kind = TimeAndEfforts
         with inside(key="objective"):

@@ -119,6 +119,8 @@ def _cycle(file: Path, content: dict[str, object]) -> Cycle:
         if not 2 <= len(given) <= MOST_LEGS:
             problem = f"has {len(given)} leg{'s' * (len(given) != 1)}"
             raise SceneError(None, "cycle", given, EXPECTED_LEGS, problem)
+        if "goal" in content:
+            raise SceneError(None, "goal", content["goal"], "none: each leg of a cycle has its own")
     if isinstance(start, dict) and "belt" in start:  # that of the last leg's next part
         start = {{"belt": "velocity"}.get(key, key): each for key, each in start.items()}
     fields: dict[str, object] = {"period": period}
@@ -135,10 +137,6 @@ def _cycle(file: Path, content: dict[str, object]) -> Cycle:
                 own[key] = [*everywhere, *here]
             elif isinstance(everywhere, dict) and isinstance(here, dict):
                 own[key] = everywhere | here
-        if isinstance(own.get("limits"), dict) and "rms_torque" in own["limits"]:
-            key, value = f"cycle[{index}].limits.rms_torque", own["limits"]["rms_torque"]
-            with placed_in(file):
-                raise SceneError(None, key, value, "none in a leg, but in the limits of the cycle")
         inside = partial(_in_leg, index, own)
         begun = {} if start is None else {"start": start}
         legs.append(_scene(file, {**content, **own, **begun}, inside))
@@ -170,6 +168,10 @@ def _scene(file: Path, content: dict[str, object], named: Callable[[str], str]) 
         for key, expected in NO_KEYS.items():
             if key in content:
                 raise SceneError(None, key, None, expected, "is not a known key")
+        limits = content.get("limits")
+        if isinstance(limits, dict) and "rms_torque" in limits:
+            expected = "none of a single motion or a leg, but in the limits of a cycle"
+            raise SceneError(None, "limits.rms_torque", limits["rms_torque"], expected)
         return Scene.model_validate(_with_all_points(file.parent, content))
 
 

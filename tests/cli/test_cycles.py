@@ -56,7 +56,7 @@ def test_what_stands_beside_the_legs_is_for_all_and_bodies_and_limits_add_up(tmp
         (
             "payload: 1.0",
             "limits: {rms_torque: 10}",
-            r"cycle\[0\].limits.rms_torque is 10.*none in a leg",
+            r"cycle\[0\].limits.rms_torque is 10.*none of a single motion or a leg",
         ),
         ("payload: 1.0", "tool: {offset: [0, 40 mm, 0]}", r"cycle\[1\].tool.offset is .*0.04"),
         ("start:", "period: 0 s\nstart:", "period is '0 s'; expected a duration"),

@@ -37,7 +37,19 @@ def told(words, capsys):
             MOVE.replace("0.85", "0.75")
             + GOAL.replace("0.85", "0.75")
             + f"approach: {{start: {HIGH}, goal: {HIGH}}}",
-            "through all given points and along the cylinders of approach",
+            r"approach.start, the top of the cylinder: .* \[0.\d+, .*\] m",
+        ),
+        (
+            MOVE + GOAL + "objective: {time: 1, effort: 1e-4, jerk: 1e-9}",
+            r"line \d+, column .*: objective has effort and jerk; expected .*weights of",
+        ),
+        (
+            MOVE + GOAL + "limits: {rms_torque: 5}",
+            r"limits.rms_torque is 5.0; expected none of a single motion or a leg",
+        ),
+        (
+            MOVE + GOAL + "cycle: [{goal: [0.8, 0, 0]}, {goal: [0.85, -0.1, 0]}]",
+            r"line \d+, column .*: goal is \[.*\]; expected none: each leg of a cycle has its own",
         ),
     ],
 )

@@ -282,8 +282,23 @@ def test_a_sphere_whose_centre_is_in_a_body():
     found = plan(scene)
     assert verify(scene, found.trajectory).failures() == []
     covered = scene.model_copy(update={"keep_out": [{"sphere": {"centre": BENT, "radius": 0.03}}]})
-    with pytest.raises(Infeasible, match=r"via 1: .* nor is any of 26 places 19.8 mm away"):
+    with pytest.raises(Infeasible, match=r"via 1: .* nor is a place possible .* 19.8 mm of it"):
         plan(covered)
+
+
+def test_a_sphere_of_which_a_cap_alone_is_clear_is_passed_there():
+    """A half-space covers it but for a cap of 22 degrees to a side that is none of a cube's."""
+    centre, inwards = np.array([0.82, 0.0, 0.04]), np.array([0.897123, -0.403705, -0.179425])
+    side = {"point": (centre - 0.0275 * inwards).tolist(), "normal": inwards.tolist()}
+    scene = SCENE.model_copy(
+        update={
+            "start": (0.8244, 0.1296, 0.049),
+            "goal": (0.7259, -0.0892, 0.049),
+            "via": [{"at": centre.tolist(), "within": 0.03}],
+            "keep_out": [{"half_space": side}],
+        }
+    )
+    assert verify(scene, plan(scene).trajectory).failures() == []
 
 
 # With ends that move

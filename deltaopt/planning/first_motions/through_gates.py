@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from itertools import product
 from math import hypot, isfinite
 
 import numpy as np
@@ -35,7 +34,7 @@ from deltaopt.planning.first_motions.moving_ends import (
 from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
-from deltaopt.scene.feasibility import room_at_rest
+from deltaopt.scene.feasibility import DIRECTIONS, room_at_rest, roomiest
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_goal
 
@@ -48,11 +47,9 @@ moves. A short leg beside an end that is fast takes less than its share of the l
 _ONWARDS = 0.1
 """Share of the way to the next point that it makes at least from one place to the next, where
 spheres overlap, and that it leaves."""
-_CUBE = [np.array(each) for each in product((-1.0, 0.0, 1.0), repeat=3) if any(each)]
-_DIRECTIONS = np.array([np.zeros(3), *(each / hypot(*each) for each in _CUBE)])
-_ACROSS = np.array([each for each in _DIRECTIONS if not each[0]])
-"""To places of a sphere that are looked at for room: its centre, and 26 of a cube's; and of the end
-of an upright cylinder: its centre, and 8 of a square's."""
+_ACROSS = np.array([each for each in DIRECTIONS if not each[0]])
+"""To places of the end of an upright cylinder that are looked at for room: its centre, and 8 of a
+square's."""
 
 
 def through_gates(scene: Scene) -> Iterator[Proposal]:
@@ -103,19 +100,13 @@ def places_of_gates(scene: Scene) -> Iterator[Array]:
     yield middles
     if spheres or columns:
         free = scene.model_copy(update={"approach": None})
-        around = [point.within * _DIRECTIONS for point in via]
-        around += [column.radius * _ACROSS for column in columns]
-        yield np.array(
-            [
-                _roomiest(free, middle + _WELL_INSIDE * each)
-                for middle, each in zip(middles, around, strict=True)
-            ]
-        )
-
-
-def _roomiest(scene: Scene, places: Array) -> Array:
-    """Of some places, (n, 3), m, the one where the platform at rest has most room, (3,)."""
-    return np.asarray(places[room_at_rest(scene, places).argmax()])
+        radii = [_WELL_INSIDE * point.within for point in via]
+        inside = zip(middles, radii, strict=False)
+        places = [roomiest(free, middle, radius) if radius else middle for middle, radius in inside]
+        for middle, column in zip(middles[len(via) :], columns, strict=True):
+            across = middle + _WELL_INSIDE * column.radius * _ACROSS
+            places.append(across[room_at_rest(free, across).argmax()])
+        yield np.array(places)
 
 
 def _nearest_places(scene: Scene, via: tuple[Boundary, ...]) -> Array:
