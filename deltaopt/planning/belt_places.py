@@ -81,8 +81,8 @@ class PlacesOnBelt:
         without waiting when a given duration is over, if there is one.
 
         A known place is planned to first, then places nearer and nearer to where it begins to be
-        possible to meet the belt, or to where that is too soon. Between them is what the plan
-        may be longer than the soonest: its gap.
+        possible to meet the belt, or to where the fastest motion is too late: what is between that
+        and the plan is its gap.
         """
         given = self.scene.objective.given_duration
         if given is not None:  # the belt is at a known place then
@@ -98,19 +98,23 @@ class PlacesOnBelt:
             late = time
         if plan is None:
             return None
-        late = max([late, *meetings.begins[meetings.begins < time].tolist()])
+        late = known = max([late, *meetings.begins[meetings.begins < time].tolist()])
         for _ in range(_HALVINGS):
             if time - late <= _RESOLVED * plan.tolerance * time:
                 break
             middle = (late + time) / 2
-            sooner = self._in_time(self.nearby(self._scene_at(middle), plan.trajectory), middle)
-            late, time, plan = (middle, time, plan) if sooner is None else (late, middle, sooner)
+            nearby = self.nearby(self._scene_at(middle), plan.trajectory)
+            sooner = self._in_time(nearby, middle)
+            if sooner is not None:
+                time, plan = middle, sooner
+            else:
+                late, known = middle, middle if nearby else known
         still = waiting(
             plan.trajectory.model, self.scene.task.start.position, REST, time - plan.duration
         )
         motion = still.then(plan.trajectory)
         found = plan_as_it_is(self.scene, motion, plan.tolerance, plan.formulation)
-        return replace(found, gap=time / late - 1 if late else inf, ways=plan.ways)
+        return replace(found, gap=time / known - 1 if known else inf, ways=plan.ways)
 
     def without_waiting(self, time: float) -> Plan | None:
         """The plan to about where the belt is when it ends, from a start that cannot wait: to where

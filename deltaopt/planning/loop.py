@@ -41,6 +41,7 @@ from deltaopt.planning.first_motions.order_of_merit import (
     require_axis,
 )
 from deltaopt.planning.first_motions.passages import paths_of_lines
+from deltaopt.planning.first_motions.through_gates import simple_motions
 from deltaopt.planning.journal import Journal
 from deltaopt.planning.mesh.kept_limits import KEPT
 from deltaopt.planning.plan import Plan, plan_as_it_is, quicker
@@ -53,6 +54,7 @@ from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import Time
 from deltaopt.scene.parallel_singularity import require_ends_on_one_side
 from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import OnPath
 
 USUAL, _ANOTHER_WAY_ABOVE = 1e-3, 3e-3
 """Tolerances of at least the first are to be met, or planning starts again from another first
@@ -61,6 +63,10 @@ smaller gaps are not the first motion's fault, and planning again seldom changes
 _SECOND_LOOKS = 2
 """How many plans more are made where one that is good enough may be a poor local minimum. More of
 them find little for what they cost."""
+NEAR_BEST = 1e-2
+"""Gap up to which what a motion near the best leads to is taken."""
+_FEW = 2
+"""Simple motions that are tried to a place beside one to which a motion is known."""
 _IMPROVED, _SHORTER = 4, 1e-4
 """How many plans of a kind at most begin with the motion found, each with that of the one before;
 and by what share each must be shorter, or else tell a smaller gap."""
@@ -200,6 +206,26 @@ class Loop:
     def only_from(self, attempt: Attempt) -> Plan:
         """From one attempt. Raises what ends it."""
         return or_raise(self.remedied(attempt))
+
+    def nearby(self, scene: Scene, near: Trajectory) -> Plan | None:
+        """The plan that a motion near the best leads to; None where it leads to none, and on a
+        given path."""
+        if isinstance(scene.task, OnPath):
+            return None
+        found = self.made(on_few_intervals(scene, near, self.optimiser.intervals))
+        if not isinstance(found, Plan) or found.gap > NEAR_BEST:
+            return None
+        return found if is_clear(scene, found.trajectory) else None
+
+    def to_a_place(self, scene: Scene, near: Trajectory) -> Plan | None:
+        """The plan to a place beside one to which a motion is known, from that motion or else from
+        simple ones; None where these lead to none."""
+        found = self.nearby(scene, near)
+        if found is not None:
+            return found
+        few = islice(simple_motions(scene), _FEW)
+        simple = if_possible(RULED_OUT, self.until_good, scene, few)
+        return simple if isinstance(simple, Plan) and is_clear(scene, simple.trajectory) else None
 
     def at_worst(self, scene: Scene, planned: Callable[[Scene], Plan]) -> Plan:
         """The plan that ``planned`` makes of a scene. Where that raises that there is none, the

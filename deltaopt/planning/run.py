@@ -28,7 +28,6 @@ from deltaopt.planning.attempts import (
     Outcomes,
     Search,
     from_motion,
-    on_few_intervals,
     what_came_of,
 )
 from deltaopt.planning.belt_places import PlacesOnBelt, TooLate
@@ -43,7 +42,7 @@ from deltaopt.planning.first_motions.through_gates import simple_motions, throug
 from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.in_flight import finished_first, stop_of
 from deltaopt.planning.links_clear import keeping_links_clear
-from deltaopt.planning.loop import USUAL, Loop, Outcome, better, or_error, or_raise
+from deltaopt.planning.loop import NEAR_BEST, USUAL, Loop, Outcome, better, or_error, or_raise
 from deltaopt.planning.past_bodies.legs import Legs, proposed_in_legs, ways_in_legs
 from deltaopt.planning.past_bodies.ways import NEARLY, at_rest, fastest_way, ways_past
 from deltaopt.planning.path.path_planning import (
@@ -62,8 +61,6 @@ from deltaopt.scene.task import OnPath
 _PATHS = 2
 """How many paths of straight lines are planned along where no mesh finds its way: over few places,
 and over more of them. Each takes a second or two."""
-_NEARLY = 1e-2
-"""Gap up to which what a motion near the best leads to is taken."""
 _MISSED = 3e-3
 """Gap of a way past bodies above which the paths of straight lines are looked at too, where it also
 misses the tolerance: through a window of 3 mm one with 7e-3 was longer by 2 %."""
@@ -107,7 +104,7 @@ class Run(Loop):
         check_feasible(scene)
 
         def nearby(scene: Scene) -> Plan:
-            found = self._nearby(scene, motion)
+            found = self.nearby(scene, motion)
             if found is None:
                 raise NotConverged("that motion is near no optimum", "Not_Near", motion)
             return found
@@ -154,16 +151,6 @@ class Run(Loop):
             raise NotConverged("it runs into a body", "Not_Clear", found.trajectory)
         return found
 
-    def _nearby(self, scene: Scene, near: Trajectory) -> Plan | None:
-        """The plan that a motion near the best leads to; None where it leads to none, and on a
-        given path."""
-        if isinstance(scene.task, OnPath):
-            return None
-        found = self.made(on_few_intervals(scene, near, self.optimiser.intervals))
-        if not isinstance(found, Plan) or found.gap > _NEARLY:
-            return None
-        return found if is_clear(scene, found.trajectory) else None
-
     def _at_least_cost(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan | None:
         """Plan for another objective than time past bodies, or in a share of the fastest motion's
         duration: from the usual first motions, and where these lead to no plan, or past bodies to
@@ -175,7 +162,7 @@ class Run(Loop):
         usual: Outcome | None = None
         if not (past_bodies and is_share):
             usual = or_error(self._plan_by_limits, scene, under_way)
-            if isinstance(usual, Plan) and (usual.gap <= _NEARLY or not past_bodies):
+            if isinstance(usual, Plan) and (usual.gap <= NEAR_BEST or not past_bodies):
                 return usual
         tolerance = max(self.optimiser.tolerance, USUAL)
         quick = replace(self, optimiser=replace(self.optimiser, tolerance=tolerance))
@@ -184,7 +171,7 @@ class Run(Loop):
         if objective.given_duration is not None:
             require_possible(objective.given_duration, fastest.duration, fastest.gap)
         asked = scene.model_copy(update={"objective": objective})
-        found = self._nearby(asked, fastest.trajectory)
+        found = self.nearby(asked, fastest.trajectory)
         if found is not None:
             found = self.improved(asked, found)
         elif usual is None:
@@ -242,7 +229,7 @@ class Run(Loop):
         """Plan the fastest motion in phases or where an end moves, from the first good guess; onto
         a belt that is not possible to meet at once, as soon as it is, if that can be."""
         planned = partial(self._plan_by_limits, under_way=None)
-        on_belt = PlacesOnBelt(scene, partial(or_error, planned), self._nearby)
+        on_belt = PlacesOnBelt(scene, partial(or_error, planned), self.to_a_place)
         if on_belt.is_awaited and (waited := on_belt.plan()):
             return waited
         found = self._moving_past(scene, under_way) or self._past_or_through(
@@ -258,7 +245,7 @@ class Run(Loop):
                 tolerance, roughly = self.optimiser.tolerance, self.roughly
                 return finished_first(scene, motion, other, tolerance, planned, roughly)
 
-            is_poor = isinstance(found, Plan) and found.gap > _NEARLY
+            is_poor = isinstance(found, Plan) and found.gap > NEAR_BEST
             if is_poor or isinstance(found, NotConverged):  # else none is known even at rest
                 stopped = first(stop_of(scene, planned), None)
                 found = better(found, self.improved(scene, stopped)) if stopped else found
@@ -270,12 +257,12 @@ class Run(Loop):
         better of it and a plan by way of places that the belt passes. Past bodies and through
         points, where that takes long, only if nothing near an optimum was found."""
         slow = limits_of(scene).constraints.has_convex or bool(scene.task.gates)
-        enough = _NEARLY if slow else self.good_gap(scene)
+        enough = NEAR_BEST if slow else self.good_gap(scene)
         if not scene.task.goal.moves or (isinstance(found, Plan) and found.gap <= enough):
             return found
         tried = len(self.attempts)
         places = PlacesOnBelt(
-            scene, lambda each: self._past_or_through(each, simple_motions(each)), self._nearby
+            scene, lambda each: self._past_or_through(each, simple_motions(each)), self.to_a_place
         )
         self.journal.note("once more, by way of places that the belt passes:")
         waiting = places.plan()

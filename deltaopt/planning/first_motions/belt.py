@@ -19,6 +19,9 @@ _PLACES = 240
 _SECTIONS, _PARTS = 8, np.arange(1, 16) / 16
 """How often the time between two of the places is divided, and where, until it is known when a
 limit begins or ceases to be kept: to 2⁻³² of it."""
+_SOON = 2
+"""How many places after it begins to be possible to meet a belt it is looked at whether a motion
+leads there."""
 _TRIED = 24
 """Durations of first motions among those at which the belt can be met."""
 
@@ -39,9 +42,8 @@ class Meetings:
         self.times, self.sizes = _times_within(self.goal, self.near), np.zeros((0, 1))
         if len(self.times):
             self.sizes = self._sizes_at(self.times)
-            added = self._where_limits_begin()
-            self.times, which = np.unique(np.append(self.times, added), return_index=True)
-            self.sizes = np.vstack([self.sizes, self._sizes_at(added)])[which]
+            self.times = np.union1d(self.times, self._where_limits_begin())
+            self.sizes = self._sizes_at(self.times)
 
     def _sizes_at(self, times: Array) -> Array:
         """Of the limits of position and speed at times, (n, rows)."""
@@ -49,7 +51,8 @@ class Meetings:
         first = self.goal.at(self.times[0], self.goal.position)
         line = np.array([[first.position, first.velocity]])
         sizes = sizes_at(problem_of(self.scene), line, last, since / last)[0]
-        counted = limits_of(self.scene).constraints.orders < 2
+        constraints = limits_of(self.scene).constraints
+        counted = constraints.promised & (constraints.orders < 2)
         return np.asarray(sizes * counted)  # out of reach is out of reach
 
     def _where_limits_begin(self) -> Array:
@@ -61,6 +64,8 @@ class Meetings:
         doubtful = np.isfinite(self.sizes).all(axis=1) & ~kept[:, 0]
         changes[:, 1:] &= (doubtful[1:] & doubtful[:-1])[:, None]
         k, row = np.nonzero(changes)
+        if not len(k):
+            return np.zeros(0)
         begin, end = np.where(kept[k, row], [k, k + 1], [k + 1, k])
         inside, outside = self.times[begin], self.times[end]
         for _ in range(_SECTIONS):
@@ -90,9 +95,9 @@ class Meetings:
 
     def looked_at(self, number: int) -> list[float]:
         """So many of these, and one soon after each instant at which it begins to be possible."""
-        possible, begins = self.times[self.possible], self.begins
-        after = np.searchsorted(possible, begins, side="right")
-        soon = (begins + possible[np.minimum(after, len(possible) - 1)]) / 2
+        begins, step = self.begins, float(np.diff(self.times).max())
+        ends = self.times[self.possible & ~np.append(self.possible[1:], False)][-len(begins) :]
+        soon = np.minimum(begins + _SOON * step, (begins + ends) / 2) if len(begins) else begins
         found: list[float] = np.union1d(np.setdiff1d(self._spread(number), begins), soon).tolist()
         return found
 
