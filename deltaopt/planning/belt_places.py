@@ -27,8 +27,9 @@ _PLACES = 8
 meet the belt, beside those soon after that begins to be possible: each takes as long as a plan."""
 _HALVINGS, _RESOLVED = 16, 0.25
 """How often at most the time is halved between a place that is reached in time and one before it
-that is not, and until which share of the tolerance. And how often the belt is planned to again from
-a start that cannot wait."""
+that is not, and until which share of the tolerance."""
+_AGAIN = 4
+"""How often the belt is planned to again from a start that cannot wait."""
 _SAME_TIME = 0.02
 """Of the time at which a belt is met: a motion that ends so much earlier or later is near it."""
 _TOO_LATE = 1.05
@@ -114,13 +115,14 @@ class PlacesOnBelt:
         )
         motion = still.then(plan.trajectory)
         found = plan_as_it_is(self.scene, motion, plan.tolerance, plan.formulation)
-        return replace(found, gap=time / known - 1 if known else inf, ways=plan.ways)
+        is_known = known > 0 and isinstance(self.scene.objective, Time)
+        return replace(found, gap=time / known - 1 if is_known else inf, ways=plan.ways)
 
     def without_waiting(self, time: float) -> Plan | None:
         """The plan to about where the belt is when it ends, from a start that cannot wait: to where
         the belt is at a ``time``, s, then to where it is when that plan ends, and so on. None where
         these plans do not end alike after a few."""
-        for _ in range(_HALVINGS):
+        for _ in range(_AGAIN):
             found = self._plan_to(time)
             if found is None or abs(found.duration - time) < _SAME_TIME * time:
                 return found
