@@ -148,9 +148,12 @@ class Trajectory:
 
     @cached_property
     def extent(self) -> float:
-        """The largest distance of a knot from the first, m: how far the motion goes."""
-        x = self.position.at(self.knots)
-        return float(np.linalg.norm(x - x[0], axis=1).max())
+        """The largest distance of a knot from the first, m, or of a middle between knots where all
+        are at one place: how far the motion goes."""
+        middles = (self.knots[:-1] + self.knots[1:]) / 2
+        x, between = self.position.at(self.knots), self.position.at(middles)
+        far = float(np.linalg.norm(x - x[0], axis=1).max())
+        return far or float(np.linalg.norm(between - x[0], axis=1).max())
 
     def inside_intervals(self, fractions: ArrayLike) -> Motion:
         """The motion at fractions of every interval, (K · len(fractions),) instants.

@@ -618,3 +618,18 @@ def test_a_belt_that_comes_into_a_workspace_is_met_at_its_rim():
     time, gap = _met(scene)
     assert 3.0 < time < min(3.005, _waited_for(scene, -0.1995))
     assert time <= 3.0 * (1 + gap) * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("velocity", [(0.0, -1.0, 0.0), (0.0, 0.0, 1.0)], ids=["back", "aside"])
+def test_a_motion_back_to_its_start_past_a_body_ahead(velocity):
+    place = CROSS.start
+    ahead = {"sphere": {"centre": [place[0], place[1] + 0.02, place[2]], "radius": 0.01}}
+    ends = {
+        "start": {"at": place, "velocity": (0.0, 1.0, 0.0)},
+        "goal": {"at": place, "velocity": velocity},
+        "keep_out": [ahead],
+    }
+    good_plan(CROSS.model_copy(update=ends))
+    wall = {"box": {"from": [0.84, place[1] + 0.002, -0.5], "to": [0.9, place[1] + 0.01, 0.5]}}
+    with pytest.raises(deltaopt.NotConverged):  # nobody stops in 2 mm
+        plan(CROSS.model_copy(update={**ends, "keep_out": [wall]}))

@@ -59,7 +59,7 @@ _BENT, _OF_EACH = (0.4, 0.8), 2
 """Of the way, how far lines are bent to each of four sides then, and how many bands of each are
 looked at. Bands of the line itself lead to one side of a body that fills half the workspace."""
 _ASIDE = 0.01 * 2.0 ** np.arange(7)
-"""Of the way, how far a motion whose ends move is led aside at most."""
+"""Of how far a motion goes whose ends move, how far it is led aside at most."""
 _SAME = 0.05
 """Of the way: paths that are nowhere farther apart are the same way."""
 
@@ -123,8 +123,9 @@ def ways_beside(scene: Scene, free: Trajectory) -> list[Proposal]:
     does, which none does that is driven from rest to rest."""
     bodies, path = Bodies.along(scene, free)
     found = list[tuple[float, Trajectory]]()
-    for side in sides_around(path[-1] - path[0]):
-        motions = ((size, free.beside(size * bodies.way * side)) for size in _ASIDE.tolist())
+    along = max(path[[-1, len(path) // 2]] - path[0], key=np.linalg.norm)  # ends may coincide
+    for side in sides_around(along):
+        motions = ((size, free.beside(size * free.extent * side)) for size in _ASIDE.tolist())
         found += islice((each for each in motions if is_clear(scene, each[1])), 1)
     ways = dict[str, Proposal]()
     for _, motion in sorted(found, key=itemgetter(0)):
