@@ -77,7 +77,7 @@ def ways_past(attempt: Attempt, free: Trajectory | None) -> Iterator[list[Propos
     ``free`` as of ``fastest_way``. Raises Infeasible where there is none."""
     resting, found = at_rest(attempt.scene, attempt.motion), False
     if free and attempt.scene.task.moves_at_ends:
-        beside = ways_beside(resting, free)
+        beside = ways_beside(attempt.scene, free)
         found = bool(beside)
         yield beside
     for source in ways_around(resting, attempt.motion, free):
