@@ -123,8 +123,7 @@ def ways_beside(scene: Scene, free: Trajectory) -> list[Proposal]:
     does, which none does that is driven from rest to rest."""
     bodies, path = Bodies.along(scene, free)
     found = list[tuple[float, Trajectory]]()
-    along = max(path[[-1, len(path) // 2]] - path[0], key=np.linalg.norm)  # ends may coincide
-    for side in sides_around(along):
+    for side in sides_around(path[-1] - path[0]):
         motions = ((size, free.beside(size * free.extent * side)) for size in _ASIDE.tolist())
         found += islice((each for each in motions if is_clear(scene, each[1])), 1)
     ways = dict[str, Proposal]()
