@@ -150,10 +150,12 @@ class Trajectory:
     def extent(self) -> float:
         """The largest distance of a knot from the first, m, or of a middle between knots where all
         are at one place: how far the motion goes."""
-        middles = (self.knots[:-1] + self.knots[1:]) / 2
-        x, between = self.position.at(self.knots), self.position.at(middles)
-        far = float(np.linalg.norm(x - x[0], axis=1).max())
-        return far or float(np.linalg.norm(between - x[0], axis=1).max())
+        for t in (self.knots, (self.knots[:-1] + self.knots[1:]) / 2):
+            away = self.position.at(t) - self.position.coefficients[0, 0]
+            far = float(np.linalg.norm(away, axis=1).max())
+            if far:
+                break
+        return far
 
     def inside_intervals(self, fractions: ArrayLike) -> Motion:
         """The motion at fractions of every interval, (K · len(fractions),) instants.

@@ -47,11 +47,10 @@ class TooLate(Infeasible):
 class PlacesOnBelt:
     """Plans to places on the way of a scene's belt, and what came of them.
 
-    ``planned``: plans a scene, or returns the error that prevents it. ``nearby``: plans
-    it from the motion of a neighbouring one, if that leads to a plan. ``nearest``: of the places
-    that are reached too late, by how many times so: the least, and when the belt is there, s.
-    ``early``: when the belt is, s, at a place to which a start that moves, and cannot wait, leads
-    sooner.
+    ``planned``: plans a scene, or returns the error that prevents it. ``nearby``: plans it from the
+    motion of a neighbouring one, if that leads to a plan. ``nearest``: of the places that are
+    reached too late, by how many times so: the least, and when the belt is there, s. ``early``:
+    when the belt is, s, at a place to which a start that moves, and cannot wait, leads sooner.
     """
 
     scene: Scene
@@ -93,10 +92,11 @@ class PlacesOnBelt:
         for time in meetings.looked_at(_PLACES):
             if time >= most or self.early:
                 return None
-            plan = self._in_time(self._plan_to(time), time)
+            reached = self._plan_to(time)
+            plan = self._in_time(reached, time)
             if plan is not None:
                 break
-            late = time
+            late = time if reached else late
         if plan is None:
             return None
         late = known = max([late, *meetings.begins[meetings.begins < time].tolist()])
@@ -110,10 +110,8 @@ class PlacesOnBelt:
                 time, plan = middle, sooner
             else:
                 late, known = middle, middle if nearby else known
-        still = waiting(
-            plan.trajectory.model, self.scene.task.start.position, REST, time - plan.duration
-        )
-        motion = still.then(plan.trajectory)
+        motion, start = plan.trajectory, self.scene.task.start.position
+        motion = waiting(motion.model, start, REST, time - plan.duration).then(motion)
         found = plan_as_it_is(self.scene, motion, plan.tolerance, plan.formulation)
         is_known = known > 0 and isinstance(self.scene.objective, Time)
         return replace(found, gap=time / known - 1 if is_known else inf, ways=plan.ways)
