@@ -15,7 +15,7 @@ from math import inf
 from deltaopt.errors import RULED_OUT, DeltaOptError, Infeasible, if_possible
 from deltaopt.motion.motion_sequence import waiting
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.first_motions.belt import Meetings, not_found
+from deltaopt.planning.first_motions.belt import meetings_of, not_found
 from deltaopt.planning.plan import Plan, plan_as_it_is
 from deltaopt.problem.boundary import REST
 from deltaopt.scene.moving_ends import State
@@ -62,14 +62,14 @@ class PlacesOnBelt:
     @cached_property
     def is_awaited(self) -> bool:
         """Whether a robot at rest waits for a belt that it is not possible to meet at once."""
-        return self._may_wait and not Meetings(self.scene).is_possible_at_once
+        return self._may_wait and not meetings_of(self.scene).is_possible_at_once
 
     def is_met_again(self, before: float) -> bool:
         """Whether a belt that it is possible to meet at once cannot be met for a while, but then
         again ``before`` some instant, s."""
         if not self._may_wait or self.is_awaited:
             return False
-        return bool((Meetings(self.scene).begins < before).any())
+        return bool((meetings_of(self.scene).begins < before).any())
 
     @property
     def _may_wait(self) -> bool:
@@ -88,7 +88,7 @@ class PlacesOnBelt:
         if given is not None:  # the belt is at a known place then
             plan = self._plan_to(given)
             return replace(plan, scene=self.scene) if plan else None
-        meetings, late, plan = Meetings(self.scene), 0.0, None
+        meetings, late, plan = meetings_of(self.scene), 0.0, None
         for time in meetings.looked_at(_PLACES):
             if time >= most or self.early:
                 return None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from deltaopt.curves.piecewise import Array, Truths
@@ -16,9 +18,9 @@ from deltaopt.scene.scene import Scene
 
 _PLACES = 240
 """Places of a belt's way that are looked at: of a way of three metres one each 12 mm."""
-_SECTIONS, _PARTS = 8, np.arange(1, 16) / 16
+_SECTIONS, _PARTS = 5, np.arange(1, 64) / 64
 """How often the time between two of the places is divided, and where, until it is known when a
-limit begins or ceases to be kept: to 2⁻³² of it."""
+limit begins or ceases to be kept: to 2⁻³⁰ of it."""
 _SOON = 2
 """How many places after it begins to be possible to meet a belt it is looked at whether a motion
 leads there."""
@@ -176,6 +178,12 @@ class Meetings:
         return f"from {first:.3g} to {last:.3g} s after the start, {' to '.join(places)} m"
 
 
+@lru_cache(maxsize=8)
+def meetings_of(scene: Scene) -> Meetings:
+    """The meetings with the belt of a scene: looked at once for what is planned of it."""
+    return Meetings(scene)
+
+
 def not_found(scene: Scene, tried: int) -> str:
     """That no motion was found by attempts, so many ``tried`` in vain: in words of the goal, if
     that moves or is passed, and of the duration, if one is given."""
@@ -183,7 +191,7 @@ def not_found(scene: Scene, tried: int) -> str:
     given = scene.objective.given_duration
     in_time = "" if given is None else f" of {given:.6g} s"
     if goal.moves:
-        allowed = Meetings(scene).in_words
+        allowed = meetings_of(scene).in_words
         sought = f" that meets {goal.description}, which positions and speeds allow {allowed}"
     elif not goal.is_anywhere and goal.velocity != REST:
         sought = f" that passes {goal.description}, a point that stands still"

@@ -17,7 +17,7 @@ from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.motion.loads import sizes_at
 from deltaopt.motion.trajectory import Trajectory, end_of, start_of
-from deltaopt.planning.first_motions.belt import Meetings
+from deltaopt.planning.first_motions.belt import meetings_of
 from deltaopt.planning.first_motions.initial_motion import Proposal, angle_quintics
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.problem.boundary import REST, Boundary
@@ -150,7 +150,7 @@ def shortest_to_goal(scene: Scene, family: Family, most: float = NEARLY) -> Traj
     """
     goal, found = scene.task.goal, None
     if goal.moves:
-        meetings = Meetings(scene).require_any()
+        meetings = meetings_of(scene).require_any()
         durations = np.union1d(meetings.durations, meetings.within(_DURATIONS))
         found = shortest_of(scene, family, durations, most)
     return found or shortest_of(scene, family, most=most)
@@ -162,7 +162,7 @@ def _waiting(scene: Scene, most: float) -> Iterator[Trajectory]:
     task = scene.task
     if not task.goal.moves or task.start.velocity != REST:
         return
-    meetings = Meetings(scene)
+    meetings = meetings_of(scene)
     if meetings.is_possible_at_once:
         return
     for time in meetings.durations[:_SOONEST].tolist():

@@ -19,7 +19,7 @@ from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.time_scaling import rough_factor
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.first_motions.belt import Meetings
+from deltaopt.planning.first_motions.belt import meetings_of
 from deltaopt.planning.first_motions.initial_motion import Proposal
 from deltaopt.planning.first_motions.moving_ends import (
     NEARLY,
@@ -61,7 +61,7 @@ def through_gates(scene: Scene) -> Iterator[Proposal]:
     """
     moving, ways = scene.moves_at_ends, list(places_of_gates(scene))
     if scene.task.goal.moves:
-        Meetings(scene).require_any()
+        meetings_of(scene).require_any()
     at_rest = [partial(_spline_at_rest, power=each) for each in _AT_REST]
     in_motion = [partial(_moving_spline, most=each) for each in (QUICK, NEARLY)]
     for places in ways:

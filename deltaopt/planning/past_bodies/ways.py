@@ -76,11 +76,10 @@ def ways_past(attempt: Attempt, free: Trajectory | None) -> Iterator[list[Propos
     """The ways past the bodies of a scene, those of one source after the other; ``attempt`` and
     ``free`` as of ``fastest_way``. Raises Infeasible where there is none."""
     resting, found = at_rest(attempt.scene, attempt.motion), False
-    if free and attempt.scene.task.moves_at_ends:
-        beside = ways_beside(attempt.scene, free)
-        found = bool(beside)
-        yield beside
+    moves = attempt.scene.task.moves_at_ends
+    beside = ways_beside(attempt.scene, free) if free and moves else []
     for source in ways_around(resting, attempt.motion, free):
+        source, beside = beside + source, []
         found = found or bool(source)
         yield source
     if found:
@@ -166,6 +165,8 @@ class _SearchOfWays:
             trial = self._along(way)
             if len(ways) > 1 or self.trials:
                 trial = self._solved(trial)
+                if self._is_beside(way) and not trial.is_solved:
+                    continue  # it leads to nothing as it is, and others are known
             self.trials.append(trial)
             if trial.is_solved:
                 self.durations[len(self.trials) - 1] = trial.motion.duration
@@ -222,13 +223,17 @@ class _SearchOfWays:
         bodies = near(self.attempt.scene, way.motion.position) | self._hit
         scene = past_these(self.attempt.scene, bodies)
         slower, longest = _SLOWER, way.motion.duration
-        if self.free and way.motion.duration == self.free.duration:  # it is that, led aside
+        if self._is_beside(way):
             slower, longest = 1.0, _LONGER_ASIDE * longest
         elif scene.task.goal.moves:  # it is not where the way ends for long
             slower = self.attempt.motion.duration / way.motion.duration
         motion = way.motion.slowed(slower)
         begin = replace(self.attempt, scene=scene, motion=motion, is_near=True, proposal=way.name)
         return _Trial(begin, longest, way.motion)
+
+    def _is_beside(self, way: Proposal) -> bool:
+        """Whether a way is the fastest motion without bodies, led aside in its time."""
+        return self.free is not None and way.motion.duration == self.free.duration
 
     def _solved(self, trial: _Trial) -> _Trial:
         """A trial with the motion that is best on the coarsest mesh on which it leads past bodies,
