@@ -97,7 +97,7 @@ class Meetings:
 
     def looked_at(self, number: int) -> list[float]:
         """So many of these, and one soon after each instant at which it begins to be possible."""
-        begins, step = self.begins, float(np.diff(self.times).max())
+        begins, step = self.begins, float(np.diff(self.times).max(initial=0.0))
         ends = self.times[self.possible & ~np.append(self.possible[1:], False)][-len(begins) :]
         soon = np.minimum(begins + _SOON * step, (begins + ends) / 2) if len(begins) else begins
         found: list[float] = np.union1d(np.setdiff1d(self._spread(number), begins), soon).tolist()
