@@ -11,7 +11,7 @@ from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.curves.roots import real_roots
 
 _AS_NEAR = 1e-10
-"""m; of places that are as near to a sphere to this, the first counts."""
+"""m; of two places whose distances to a sphere differ by less, the first counts."""
 
 
 def passages(

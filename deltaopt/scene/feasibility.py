@@ -115,7 +115,7 @@ def _require_sphere(scene: Scene, number: int, sphere: Boundary) -> None:
             first = first or error
     assert first is not None
     within = f"{1e3 * most:g} mm of it"
-    raise Infeasible(f"{first}; nor is a place possible that was found within {within}") from first
+    raise Infeasible(f"{first}; no possible place was found within {within}") from first
 
 
 def roomiest(scene: Scene, centre: Array, radius: float) -> Array:

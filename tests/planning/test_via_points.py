@@ -282,7 +282,9 @@ def test_a_sphere_whose_centre_is_in_a_body():
     found = plan(scene)
     assert verify(scene, found.trajectory).failures() == []
     covered = scene.model_copy(update={"keep_out": [{"sphere": {"centre": BENT, "radius": 0.03}}]})
-    with pytest.raises(Infeasible, match=r"via 1: .* nor is a place possible .* 19.8 mm of it"):
+    with pytest.raises(
+        Infeasible, match=r"via 1: .* no possible place was found within 19.8 mm of it"
+    ):
         plan(covered)
 
 

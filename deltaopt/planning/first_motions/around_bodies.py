@@ -59,7 +59,7 @@ _BENT, _OF_EACH = (0.4, 0.8), 2
 """Of the way, how far lines are bent to each of four sides then, and how many bands of each are
 looked at. Bands of the line itself lead to one side of a body that fills half the workspace."""
 _ASIDE = 0.01 * 2.0 ** np.arange(7)
-"""Of how far a motion goes whose ends move, how far it is led aside at most."""
+"""How far a motion whose ends move is led aside halfway, as shares of how far it goes."""
 _SAME = 0.05
 """Of the way: paths that are nowhere farther apart are the same way."""
 
@@ -118,9 +118,12 @@ def ways_around(
 
 
 def ways_beside(scene: Scene, free: Trajectory) -> list[Proposal]:
-    """The ways of a motion that runs into bodies, led aside to each side by as little as it takes
-    to be clear of them, the least first and each way once: such a motion begins and ends as that
-    does, which none does that is driven from rest to rest."""
+    """The ways of the fastest motion without bodies, led aside to each side by as little as makes
+    it clear of them: the one that is led aside least first, and each way once.
+
+    Such a motion begins and ends at the velocities that are asked for. Ways that are driven from
+    rest to rest do not.
+    """
     bodies, path = Bodies.along(scene, free)
     found = list[tuple[float, Trajectory]]()
     for side in sides_around(path[-1] - path[0]):

@@ -367,7 +367,7 @@ def _side(push: Array) -> Index:
 
 
 def sides_of(along: Array) -> Array:
-    """Unit vectors across a direction, any if it is none: up, down and to both sides, if across."""
+    """Unit vectors up, to both sides and down, across a direction, or across y where it is zero."""
     ahead = along / hypot(*along) if along.any() else np.array([0.0, 1.0, 0.0])
     up = np.array([-1.0, 0.0, 0.0]) + ahead[0] * ahead
     if hypot(*up) < 1e-3:  # straight up or down

@@ -22,8 +22,8 @@ _SECTIONS, _PARTS = 5, np.arange(1, 64) / 64
 """How often the time between two of the places is divided, and where, until it is known when a
 limit begins or ceases to be kept: to 2⁻³⁰ of it."""
 _SOON = 2
-"""How many places after it begins to be possible to meet a belt it is looked at whether a motion
-leads there."""
+"""How many places after the one where it begins to be possible to meet a belt a motion is planned
+to: to the very first none may lead, as right beside a wall."""
 _TRIED = 24
 """Durations of first motions among those at which the belt can be met."""
 
@@ -58,9 +58,9 @@ class Meetings:
         return np.asarray(sizes * counted)  # out of reach is out of reach
 
     def _where_limits_begin(self) -> Array:
-        """When it begins or ceases to be possible to meet the belt, as late or as soon as it is,
-        s; and where it is possible at neither of two places, when that is so of each limit: between
-        two bodies there may be room for less than is between places."""
+        """Instants at which it begins or ceases to be possible to meet the belt, s, each just where
+        it is possible. Between two places where it is not, also those at which each limit begins or
+        ceases to be kept: a window between two bodies may be narrower than places are apart."""
         kept = np.column_stack([self.possible, self.sizes <= 1])
         changes = kept[1:] != kept[:-1]
         doubtful = np.isfinite(self.sizes).all(axis=1) & ~kept[:, 0]
@@ -96,7 +96,8 @@ class Meetings:
         return self._spread(_TRIED)
 
     def looked_at(self, number: int) -> list[float]:
-        """So many of these, and one soon after each instant at which it begins to be possible."""
+        """So many times at which the belt can be met, increasing, s, and one soon after each
+        instant at which that begins to be possible: to which a motion is planned."""
         begins, step = self.begins, float(np.diff(self.times).max(initial=0.0))
         ends = self.times[self.possible & ~np.append(self.possible[1:], False)][-len(begins) :]
         soon = np.minimum(begins + _SOON * step, (begins + ends) / 2) if len(begins) else begins
@@ -180,7 +181,7 @@ class Meetings:
 
 @lru_cache(maxsize=8)
 def meetings_of(scene: Scene) -> Meetings:
-    """The meetings with the belt of a scene: looked at once for what is planned of it."""
+    """The meetings with the belt of a scene, which are found once and then kept."""
     return Meetings(scene)
 
 
