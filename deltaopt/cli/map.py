@@ -70,8 +70,9 @@ def _range(axis: str, given: list[float] | None, is_region: bool) -> tuple[float
     known, rises = (2,) if is_region else (1, 2, 3), sorted(set(given[:2])) == given[:2]
     is_known = len(given) in known and all(n in range(2, 1000) for n in given[2:])
     if not (is_known and rises and all(map(isfinite, given))):
-        expected = "FROM TO" if is_region else "a number, FROM TO, or FROM TO STEPS"
-        raise WrongUsage(f"--{axis} is {' '.join(map(str, given))}; it must be {expected}, in m")
+        steps = "" if is_region else ", or FROM TO STEPS with 2 to 999 steps, or one number"
+        expected = f"FROM TO in m with FROM below TO{steps}"
+        raise WrongUsage(f"--{axis} is {' '.join(map(str, given))}; it must be {expected}")
     return tuple(given)
 
 

@@ -131,10 +131,9 @@ def given_points(task: Task) -> tuple[Vector3, Vector3]:
     from rest to rest, have nothing to say of them.
     """
     if task.moves_at_ends:
-        raise EndMoves(
-            "an end of the motion moves or is not given; this is for motions from rest at one "
-            "point to rest at another"
-        )
+        goal = "rest anywhere" if task.goal.is_anywhere else "moving"
+        end = f"goal is {goal}" if task.start.is_at_rest else "start is moving"
+        raise EndMoves(f"{end}; this is for motions from rest at one point to rest at another")
     return task.start.position, task.goal.position
 
 

@@ -246,6 +246,8 @@ def test_a_copy_has_valid_fields(tmp_path: Path) -> None:
     scene = load_scene(write(tmp_path))
     assert scene.model_copy(update={"limits": {"speed": 5}}).limits == Limits(speed=5.0)
     assert scene.model_copy(update={"limits": None}).limits is None
+    weighted = scene.model_copy(update={"objective": {"effort": 0.01}})
+    assert weighted.objective == TimeAndEffort(effort=0.01)
     for key, value, words in [
         ("limits", {"sped": 5.0}, "limits.sped is not a known key; expected speed"),
         (
@@ -253,6 +255,12 @@ def test_a_copy_has_valid_fields(tmp_path: Path) -> None:
             -1.0,
             "payload is -1.0; expected a mass in kg, greater than 0, or [least, largest]; leave "
             "the key out for none",
+        ),
+        (
+            "robot_keeps_clear",
+            "yes",
+            "robot_keeps_clear is 'yes'; expected true if arms and forearms keep clear of bodies "
+            "too, or false",
         ),
         ("goul", (0.4, 0.0, 0.0), "goul is not a known key; expected goal"),
     ]:

@@ -107,10 +107,12 @@ def test_what_cannot_be_used_is_told_before_any_work(tmp_path, capsys):
     said = capsys.readouterr().err.splitlines()
     assert len(said) == 4
     assert "nowhere.yaml" in said[0]
+    wanted = "FROM TO in m with FROM below TO"
+    more = ", or FROM TO STEPS with 2 to 999 steps, or one number"
     assert said[1:] == [
-        "deltaopt: --x is 0.8 0.7; it must be a number, FROM TO, or FROM TO STEPS, in m",
-        "deltaopt: --x is 0.8; it must be FROM TO, in m",
-        "deltaopt: --x is nan; it must be a number, FROM TO, or FROM TO STEPS, in m",
+        f"deltaopt: --x is 0.8 0.7; it must be {wanted}{more}",
+        f"deltaopt: --x is 0.8; it must be {wanted}",
+        f"deltaopt: --x is nan; it must be {wanted}{more}",
     ]
     assert not list(tmp_path.glob("*.csv"))
 
