@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import Field, SerializerFunctionWrapHandler, StrictBool, model_serializer
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
@@ -98,7 +98,7 @@ class Scene(Record):
     clearance: Annotated[NonNegative, WIDTH] | None = optional(
         "a length in m, at least 0, beyond touching a body"
     )
-    robot_keeps_clear: StrictBool | None = optional(
+    robot_keeps_clear: bool | None = optional(
         "true if arms and forearms keep clear of bodies too, or false"
     )
     planned_links: tuple[tuple[int, int, float], ...] = Field(

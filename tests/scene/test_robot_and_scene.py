@@ -256,12 +256,6 @@ def test_a_copy_has_valid_fields(tmp_path: Path) -> None:
             "payload is -1.0; expected a mass in kg, greater than 0, or [least, largest]; leave "
             "the key out for none",
         ),
-        (
-            "robot_keeps_clear",
-            "yes",
-            "robot_keeps_clear is 'yes'; expected true if arms and forearms keep clear of bodies "
-            "too, or false",
-        ),
         ("goul", (0.4, 0.0, 0.0), "goul is not a known key; expected goal"),
     ]:
         with pytest.raises(SceneError) as caught:
