@@ -212,12 +212,12 @@ class _StraightLines:
 
     def are_clear(self, begin: Array, ends: Array) -> Truths:
         """Whether the lines from a place to others, (N, 3), are clear, (N,)."""
-        way = ends - begin
-        x = begin + _BETWEEN[:, None] * way[:, None]
-        flat = x.reshape(-1, 3)
-        distance, slope = signed_distances(problem_of(self.scene), flat)
+        x = begin + _BETWEEN[:, None] * (ends - begin)[:, None]
+        distance, slope = signed_distances(problem_of(self.scene), x.reshape(-1, 3))
         distance = distance.reshape(len(ends), len(_BETWEEN), distance.shape[1])
-        slope = slope.reshape(*distance.shape, 3)
+        clear = np.asarray((distance >= self._kept - _ROUNDING).all(axis=(1, 2)))
+        way, distance = (ends - begin)[clear], distance[clear]  # tangents take longer than samples
+        slope = slope.reshape(len(ends), *distance.shape[1:], 3)[clear]
         rate = np.einsum("nsrc,nc->nsr", slope, way)
         known = np.einsum("nsrc,nsrc->nsr", slope, slope) > _KNOWN**2  # on a surface it may be 0
         most = np.linalg.norm(way, axis=1)[:, None, None]
@@ -225,11 +225,11 @@ class _StraightLines:
         touched = least < self._kept + _TOUCHED
         by_ends = (touched <= self._touched_by_ends[:, None]).all(axis=2).any(axis=0)
         leads_between = (touched.sum(axis=1) > 1) & ~by_ends
-        clear = np.asarray((least >= self._kept - _ROUNDING).all(axis=1) & ~leads_between)
-        held = room_at_rest(self.without, x[clear].reshape(-1, 3))  # takes longer than distances
+        clear[clear] = (least >= self._kept - _ROUNDING).all(axis=1) & ~leads_between
+        held = room_at_rest(self.without, x[clear].reshape(-1, 3))
         clear[clear] = (held.reshape(-1, len(_BETWEEN)) > 0).all(axis=1)
         if self.scene.planned_links:
-            x = (begin + _CLOSELY[:, None] * way[clear][:, None]).reshape(-1, 3)
+            x = (begin + _CLOSELY[:, None] * (ends - begin)[clear][:, None]).reshape(-1, 3)
             links = self._have_links_clear(x, room_at_rest(self.without, x))
             clear[clear] = links.reshape(-1, len(_CLOSELY)).all(axis=1)
         return clear
