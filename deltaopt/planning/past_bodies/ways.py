@@ -160,13 +160,13 @@ class _SearchOfWays:
 
     def look_at(self, ways: list[Proposal]) -> None:
         """Plan those of some more ways that promise to be faster than all before."""
-        first = len(self.trials)
+        first, others = len(self.trials), [way for way in ways if not self._is_beside(way)]
         for way in ways:
             trial = self._along(way)
             if len(ways) > 1 or self.trials:
                 trial = self._solved(trial)
-                if self._is_beside(way) and not trial.is_solved:
-                    continue  # it leads to nothing as it is, and others are known
+                if others and self._is_beside(way) and not trial.is_solved:
+                    continue  # it leads to nothing as it is
             self.trials.append(trial)
             if trial.is_solved:
                 self.durations[len(self.trials) - 1] = trial.motion.duration

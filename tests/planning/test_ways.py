@@ -1,0 +1,33 @@
+"""The search of ways past bodies, with solvers that find nothing."""
+
+from __future__ import annotations
+
+from typing import NoReturn
+
+import pytest
+
+from deltaopt import NotConverged, Scene, State, plan
+from deltaopt.planning.attempts import Attempt
+from deltaopt.planning.first_motions.around_bodies import ways_beside
+from deltaopt.planning.past_bodies.ways import fastest_way
+from tests.planned_scenes import CROSS
+
+
+def test_that_nothing_is_found_is_said_where_only_motions_led_aside_are_known():
+    """As into a bin at the top of the workspace."""
+    body = {"sphere": {"centre": [0.85, 0.0, 0.0], "radius": 0.02}}
+    ends = {
+        "start": State(at=CROSS.start, velocity=(0.0, 0.5, 0.0)),
+        "goal": State(at=CROSS.goal, velocity=(0.0, 0.5, 0.0)),
+    }
+    scene = Scene.model_validate(dict(CROSS) | ends | {"keep_out": [body]})
+    free = plan(scene.model_copy(update={"keep_out": None})).trajectory
+    ways = ways_beside(scene, free)
+    assert len(ways) > 1
+
+    def fails(attempt: Attempt) -> NoReturn:
+        raise NotConverged("nothing is solved", "Failed", attempt.motion)
+
+    attempt = Attempt(scene, free, 16)
+    with pytest.raises(NotConverged, match="nothing is solved"):
+        fastest_way(attempt, iter([ways]), free, fails, fails, 1e-3)
