@@ -15,7 +15,7 @@ from tests.planned_scenes import CROSS
 
 def test_that_nothing_is_found_is_said_where_only_motions_led_aside_are_known():
     """As into a bin at the top of the workspace."""
-    body = {"sphere": {"centre": [0.85, 0.0, 0.0], "radius": 0.02}}
+    body = {"sphere": {"centre": [0.85, 0.0, 0.0], "radius": 0.06}}
     ends = {
         "start": State(at=CROSS.start, velocity=(0.0, 0.5, 0.0)),
         "goal": State(at=CROSS.goal, velocity=(0.0, 0.5, 0.0)),
