@@ -165,7 +165,7 @@ class _SearchOfWays:
             trial = self._along(way)
             if len(ways) > 1 or self.trials:
                 trial = self._solved(trial)
-                if self._is_beside(way) and not trial.is_solved:
+                if way.is_aside and not trial.is_solved:
                     continue  # it leads to nothing as it is, and others are known
             self.trials.append(trial)
             if trial.is_solved:
@@ -223,17 +223,13 @@ class _SearchOfWays:
         bodies = near(self.attempt.scene, way.motion.position) | self._hit
         scene = past_these(self.attempt.scene, bodies)
         slower, longest = _SLOWER, way.motion.duration
-        if self._is_beside(way):
+        if way.is_aside:
             slower, longest = 1.0, _LONGER_ASIDE * longest
         elif scene.task.goal.moves:  # it is not where the way ends for long
             slower = self.attempt.motion.duration / way.motion.duration
         motion = way.motion.slowed(slower)
         begin = replace(self.attempt, scene=scene, motion=motion, is_near=True, proposal=way.name)
         return _Trial(begin, longest, way.motion)
-
-    def _is_beside(self, way: Proposal) -> bool:
-        """Whether a way is the fastest motion without bodies, led aside in its time."""
-        return self.free is not None and way.motion.duration == self.free.duration
 
     def _solved(self, trial: _Trial) -> _Trial:
         """A trial with the motion that is best on the coarsest mesh on which it leads past bodies,
