@@ -46,10 +46,10 @@ from deltaopt.planning.loop import NEAR_BEST, USUAL, Loop, Outcome, better, or_e
 from deltaopt.planning.past_bodies.legs import Legs, proposed_in_legs, ways_in_legs
 from deltaopt.planning.past_bodies.ways import NEARLY, at_rest, fastest_way, ways_past
 from deltaopt.planning.path.path_planning import (
+    OF_ROOM,
     fastest_along,
     near_corners,
     planned_on_path,
-    through_corners,
 )
 from deltaopt.planning.plan import Plan, TakenWay, quicker, resolvable
 from deltaopt.scene.feasibility import check_feasible
@@ -364,8 +364,8 @@ class Run(Loop):
         usual, found = is_flat and in_one and isinstance(scene.objective, Time), list[Plan]()
         for corners in islice(paths_of_lines(scene), _PATHS) if usual else ():
             self.journal.note("near the corners of a path of straight lines:")
-            for make in (near_corners, through_corners) if len(corners) > 2 else ():
-                gates = make(scene, corners)
+            for of_room in OF_ROOM if len(corners) > 2 else ():
+                gates = near_corners(scene, corners, of_room)
                 through = if_possible(NO_PLAN, self.until_good, gates, through_gates(gates))
                 if isinstance(through, Plan) and is_clear(scene, through.trajectory):
                     found.append(through)

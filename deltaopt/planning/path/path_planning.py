@@ -47,8 +47,9 @@ _TOUCHED = 1e-9
 _BLENDS = (0.499, 0.1, 0.01, 0.001)
 """Where corners begin to be rounded, as shares of the shortest leg: long roundings are driven
 faster, short ones stay closer to the path."""
-_OF_ROOM = 0.9
-"""Share of the distance from all bodies at a corner, within which motions pass it."""
+OF_ROOM = (0.9, 0.0)
+"""Shares of the distance from all bodies at a corner, within which motions pass it, one after the
+other: at last at the corner itself."""
 _NEAREST = 1e-5
 """m, within which no corner is passed: bodies that leave less are passed at the corner itself."""
 
@@ -181,21 +182,16 @@ def _require_positions(scene: Scene, trajectory: Trajectory) -> None:
         raise Infeasible(f"the path: {place} {constraints.label(worst)} is beyond its limit")
 
 
-def near_corners(scene: Scene, corners: Array) -> Scene:
-    """The scene with via points at all corners but its ends, (n, 3), m, each as wide as bodies
-    leave room."""
+def near_corners(scene: Scene, corners: Array, of_room: float) -> Scene:
+    """The scene with via points at all corners but its ends, (n, 3), m, each as wide as a share of
+    the room that bodies leave: none of it for exactly these corners."""
     distances, _ = signed_distances(problem_of(scene), corners[1:-1])
-    room = _OF_ROOM * (distances - limits_of(scene).least_distances).min(axis=1)
+    room = of_room * (distances - limits_of(scene).least_distances).min(axis=1)
     via = [
         {"at": place, "within": within} if within > _NEAREST else place
         for place, within in zip(corners[1:-1].tolist(), room.tolist(), strict=True)
     ]
     return scene.model_copy(update={"via": via})
-
-
-def through_corners(scene: Scene, corners: Array) -> Scene:
-    """The scene with via points exactly at these corners."""
-    return scene.model_copy(update={"via": corners[1:-1].tolist()})
 
 
 def fastest_along(scene: Scene, corners: Array, tolerance: float) -> Plan | None:
