@@ -115,10 +115,7 @@ class Run(Loop):
         """The plan of a scene by its limits, with arms and forearms clear of bodies if asked."""
         if not (scene.robot_keeps_clear and scene.keep_out):
             return planned(scene)
-        found = keeping_links_clear(
-            scene, planned, self.improved, self.optimiser.tolerance, self.journal.note
-        )
-        return replace(found, scene=scene)
+        return replace(keeping_links_clear(self, scene, planned), scene=scene)
 
     def _best_of_others(self, scene: Scene, usual: Callable[[Scene], Plan], search: Search) -> Plan:
         """The best of the ``usual`` plan and of those from other first motions, with what was
@@ -240,11 +237,7 @@ class Run(Loop):
         if on_belt.is_met_again(most) and (waited := on_belt.plan(most)):
             found = better(found, waited)
         if isinstance(scene.objective, Time):
-
-            def first(motion: PiecewisePolynomial | None, other: Plan | None) -> Plan | None:
-                tolerance, roughly = self.optimiser.tolerance, self.roughly
-                return finished_first(scene, motion, other, tolerance, planned, roughly)
-
+            first = partial(finished_first, self, scene, planned)
             is_poor = isinstance(found, Plan) and found.gap > NEAR_BEST
             if is_poor or isinstance(found, NotConverged):  # else none is known even at rest
                 stopped = first(stop_of(scene, planned), None)
@@ -310,8 +303,7 @@ class Run(Loop):
         """The best plan of the ways past bodies. ``free``: the fastest motion without them, if it
         is known. Raises Infeasible where there is no way, and what ends an attempt."""
         way, sources = self._ways(scene, free)
-        enough = self.good_gap(scene)
-        plan, ways = fastest_way(way, sources, free, self.only_from, self.on_first_mesh, enough)
+        plan, ways = fastest_way(self, way, sources, free)
         return replace(self.improved(scene, plan), scene=scene, ways=ways)
 
     def _ways(
