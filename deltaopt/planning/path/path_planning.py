@@ -76,15 +76,14 @@ def fastest_on_path(scene: Scene, tolerance: float, report: Progress) -> Plan:
     """
     task = scene.task
     assert isinstance(task, OnPath)
-    first, last = task.rates
-    timing = PathTiming(PathRows(scene), (first**2, last**2), tolerance, report)
+    timing = PathTiming(PathRows(scene), tolerance, report)
     planned = _slowed if task.is_at_rest else _held
     trajectory, gap, on_mesh = planned(scene, timing)
     _require_positions(scene, trajectory)
     if trajectory.duration < scene.least_duration:
         trajectory = _waiting(scene, task, trajectory)
         gap = 0.0  # nothing is faster than what rotation takes
-    of_rows = PathMultipliers(timing.rows, on_mesh, timing.ends).of_rows
+    of_rows = PathMultipliers(timing.rows, on_mesh).of_rows
     return Plan(
         scene=scene,
         trajectory=trajectory,
@@ -100,13 +99,13 @@ def fastest_on_path(scene: Scene, tolerance: float, report: Progress) -> Plan:
 
 
 def roughly_on_path(scene: Scene, tolerance: float) -> Trajectory:
-    """The fastest motion from rest to rest on the path of a scene's task as a mesh has it, between
-    whose points it may exceed limits. ``tolerance``: for which the mesh is fine enough.
+    """The fastest motion on the path of a scene's task as a mesh has it, between whose points it
+    may exceed limits. ``tolerance``: for which the mesh is fine enough.
 
     Raises Infeasible where no motion on the path keeps the limits, Unreachable and Singular where
     the path leads out of the workspace.
     """
-    timing = PathTiming(PathRows(scene), (0.0, 0.0), tolerance, lambda _: None)
+    timing = PathTiming(PathRows(scene), tolerance, lambda _: None)
     found, _ = timing.fastest(_SHARES[0])
     return _on_mesh(scene, found)
 
