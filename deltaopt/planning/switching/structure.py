@@ -261,13 +261,11 @@ def without_short_arcs(
     ``ends``: of the intervals, (N + 1,), fractions of the duration. ``control``: mean control rows
     in the intervals, (N, m).
     """
-    to = np.cumsum(structure.lengths)
-    begin, kept = to - structure.lengths, _kept(structure, ends, widest)
+    kept = _kept(structure, ends, widest)
     beginnings, limits = [0.0], [structure.limits[kept[0]]]
     for a, c in pairwise(kept):
-        gap = (float(to[a]), float(begin[c]))
         now = list(structure.limits[a])
-        for k, instant in _changes(structure, (a, c), _jump(structure, (a, c), gap, ends, control)):
+        for k, instant in _changes(structure, (a, c), _jump(structure, (a, c), ends, control)):
             now[k] = structure.limits[c][k]
             if instant - beginnings[-1] > SIMULTANEOUS:
                 beginnings.append(instant)
@@ -316,14 +314,12 @@ def _changes(
 
 
 def _jump(
-    structure: SwitchingStructure,
-    arcs: tuple[int, int],
-    gap: tuple[float, float],
-    ends: Array,
-    control: Array,
+    structure: SwitchingStructure, arcs: tuple[int, int], ends: Array, control: Array
 ) -> float:
     """When controls come to or leave their limits between two kept arcs, from their means in the
     intervals of the gap and those next to it; the middle of the gap if they do not say."""
+    to, (a, c) = np.cumsum(structure.lengths), arcs
+    gap = float(to[a]), float((to - structure.lengths)[c])
     first, last = (int(np.searchsorted(ends, t - _SAME)) for t in gap)
     length = gap[1] - gap[0]
     if first == last:
