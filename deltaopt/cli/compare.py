@@ -57,7 +57,7 @@ def _plans(arguments: argparse.Namespace) -> int:
     ]
     directory = arguments.directory or Path("out/compare_plans")
     require_writable(directory)
-    study = compare_plans(cases, progress=ProgressBar())
+    study = compare_plans(cases, ProgressBar())
     with new_files(directory, "plans.csv", *(f"{case.name}.png" for case in cases)) as folder:
         write_text(folder / "plans.csv", csv(study))
         for case in cases:
@@ -76,7 +76,7 @@ def _dynamics(arguments: argparse.Namespace) -> int:
 
     directory = arguments.directory or Path("out/compare_dynamics")
     require_writable(directory)
-    study = compare_dynamics(arguments.states, arguments.rounds, compiler(), progress=ProgressBar())
+    study = compare_dynamics(arguments.states, arguments.rounds, compiler(), ProgressBar())
     with new_files(directory, "dynamics.csv", "dynamics.png") as folder:
         write_text(folder / "dynamics.csv", csv(study))
         draw(study, folder / "dynamics.png")

@@ -166,9 +166,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    name = arguments.formulation or "flat"
-    formulation = FORMULATIONS[name](CLOSURES[arguments.closure or "knots"])
-    _refuse_contradictions(arguments, name, formulation)
+    _refuse_contradictions(arguments)
     folders = output_folders(arguments)
     scenes = [_load(file, arguments.rated) for file in folders]
     if any(isinstance(scene, Scene) and scene.follows_path for scene in scenes):
@@ -184,7 +182,7 @@ def _run(arguments: argparse.Namespace) -> int:
             if isinstance(scene, Cycle):
                 codes.append(_plan_cycle(file, directory, scene, arguments))
             else:
-                codes.append(_plan(file, directory, scene, formulation, arguments))
+                codes.append(_plan(file, directory, scene, arguments))
         except DeltaOptError as error:
             if len(folders) == 1 or isinstance(error, SceneError):
                 raise
@@ -206,18 +204,12 @@ def _load(file: Path, is_rated: bool) -> Scene | Cycle:
         return there_and_back(job)
 
 
-def _plan(
-    file: Path,
-    directory: Path,
-    scene: Scene,
-    formulation: ProblemFormulation,
-    arguments: argparse.Namespace,
-) -> int:
+def _plan(file: Path, directory: Path, scene: Scene, arguments: argparse.Namespace) -> int:
     """Plan the scene of a file, print what was found, write it into a directory, and return the
     exit code."""
     check_feasible(scene)
     require_writable(directory)
-    found = _solve(scene, formulation, arguments)
+    found = _solve(scene, arguments)
     _require_rows(found.trajectory, arguments.rate)
     known = facts(found)
     before = present(directory)
@@ -270,13 +262,14 @@ def _print_sensitivities(found: Plan | CyclePlan, arguments: argparse.Namespace)
         print(*told_of_sensitivity(_sensitivities(found, arguments)), sep="\n")
 
 
-def _refuse_contradictions(
-    arguments: argparse.Namespace, name: str, formulation: ProblemFormulation
-) -> None:
-    """Raise WrongUsage where an option would have no effect beside another one.
+def _formulation(arguments: argparse.Namespace) -> ProblemFormulation:
+    """The formulation that is asked for."""
+    return FORMULATIONS[arguments.formulation or "flat"](CLOSURES[arguments.closure or "knots"])
 
-    ``name``: of the formulation.
-    """
+
+def _refuse_contradictions(arguments: argparse.Namespace) -> None:
+    """Raise WrongUsage where an option would have no effect beside another one."""
+    name, formulation = arguments.formulation or "flat", _formulation(arguments)
     for option in _given(arguments, *PLANNING, "sensitivity") if arguments.baseline else ():
         raise WrongUsage(f"--{option} is for a plan, which --baseline does not make")
     possible = [solver.name for solver in (each() for each in formulation.solvers)]
@@ -309,14 +302,14 @@ def _require_rows(trajectory: Trajectory, rate: float) -> None:
         )
 
 
-def _solve(scene: Scene, formulation: ProblemFormulation, arguments: argparse.Namespace) -> Plan:
+def _solve(scene: Scene, arguments: argparse.Namespace) -> Plan:
     if arguments.baseline:
         return plan_as_it_is(scene, baseline(scene), inf, None, "straight line", "closed form")
     with told_meanwhile(arguments.verbose > 0) as progress:
         found = plan(
             scene,
             **_given(arguments, "tolerance", "intervals", "starts", "seed", "exhaustive"),
-            formulation=None if scene.follows_path else formulation,
+            formulation=None if scene.follows_path else _formulation(arguments),
             transcription=TRANSCRIPTIONS.get(arguments.transcription),
             solver=SOLVERS.get(arguments.solver),
             progress=progress,

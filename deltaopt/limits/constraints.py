@@ -6,11 +6,11 @@ last axis of rows is in that order, everywhere.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, starmap
-from typing import Any
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -20,6 +20,8 @@ from deltaopt.curves.piecewise import Array, Index, Truths
 from deltaopt.limits.limit import SX, Bounds, ConvexLimit, Instant, Limit, PhasedLimit
 from deltaopt.limits.running_cost import Running
 from deltaopt.mechanisms.instant import AnyInstant
+
+Kind = TypeVar("Kind", bound=np.generic)
 
 MIXED = -1
 """Stands for the exponent of a row that mixes several powers of the speed, or is no power at all:
@@ -40,6 +42,22 @@ class Alike:
     own: SX
     row: SX
     measure: SX
+
+
+def _of_limits(of: Callable[[Limit], object], kind: type[Kind]) -> cached_property[NDArray[Kind]]:
+    """A property: what each limit says, repeated for its rows, (rows,)."""
+
+    def found(constraints: Constraints) -> NDArray[Kind]:
+        return constraints.of_rows([of(limit) for limit in constraints.limits], kind)
+
+    return cached_property(found)
+
+
+def _exponent(limit: Limit) -> int:
+    if limit.order == 0:
+        return 0
+    powers = limit.powers or ()
+    return powers[0] if len(powers) == 1 else MIXED
 
 
 @dataclass(frozen=True)
@@ -122,10 +140,8 @@ class Constraints:
         """How many rows there are."""
         return self.slices[-1].stop if self.slices else 0
 
-    @cached_property
-    def orders(self) -> Index:
-        """The order of each row, (rows,)."""
-        return self._of_rows([limit.order for limit in self.limits], np.intp)
+    orders = _of_limits(lambda limit: limit.order, np.intp)
+    """The order of each row, (rows,)."""
 
     @cached_property
     def order(self) -> int:
@@ -149,7 +165,7 @@ class Constraints:
     def sides(self) -> Truths:
         """Whether a row has a lower and an upper bound, (rows, 2)."""
         given = [(b.lower is not None, b.upper is not None) for b in self._bounds]
-        return self._of_rows(given, np.bool).reshape(-1, 2)
+        return self.of_rows(given, np.bool).reshape(-1, 2)
 
     def size(self, rows: Array, which: Sequence[int] | slice = slice(None)) -> Array:
         """How near rows, (…, rows), are to the nearer of their bounds: 1 at a bound. ``which``: the
@@ -160,7 +176,7 @@ class Constraints:
     @cached_property
     def closed_sides(self) -> Truths:
         """Whether a row has a lower and an upper bound, or one that is out of reach, (rows, 2)."""
-        closed = self._of_rows([b.out_of_reach for b in self._bounds], np.bool)
+        closed = self.of_rows([b.out_of_reach for b in self._bounds], np.bool)
         return np.asarray(self.sides | closed[:, None])
 
     @property
@@ -179,7 +195,7 @@ class Constraints:
                 each.append(side * ones)
         return ca.Function("bounds", [numbers], [ca.vertcat(*each) for each in found])
 
-    def _of_rows(self, of_items: Sequence[object], kind: type) -> NDArray[Any]:
+    def of_rows(self, of_items: Sequence[object], kind: type) -> NDArray[Any]:
         """A value of each item, repeated for its rows."""
         counts = [s.stop - s.start for s in self.slices]
         return np.repeat(np.array(of_items, kind), counts, axis=0)
@@ -216,15 +232,13 @@ class Constraints:
         payload between: torques are affine in its mass, and so must be limits in them."""
         return bool(self._affine_in_torque.all())
 
-    @cached_property
-    def slowing_exponents(self) -> Index:
-        """How rows change when a motion is slowed and its torques change as 1/k², (rows,).
+    slowing_exponents = _of_limits(_exponent, np.intp)
+    """How rows change when a motion is slowed and its torques change as 1/k², (rows,).
 
-        A motion k times as slow has rows r₀ + (r - r₀) / kⁿ, with r₀ those at rest at the same
-        place: n, as limits declare it; 0 where slowing changes nothing; ``MIXED`` of several
-        powers, and where they are not known.
-        """
-        return self._of_rows([_exponent(limit) for limit in self.limits], np.intp)
+    A motion k times as slow has rows r₀ + (r - r₀) / kⁿ, with r₀ those at rest at the same place:
+    n, as limits declare it; 0 where slowing changes nothing; ``MIXED`` of several powers, and where
+    they are not known.
+    """
 
     @property
     def are_polynomials(self) -> bool:
@@ -265,35 +279,25 @@ class Constraints:
         """Rows of positions that a motion must keep, (rows,): slowing cannot help them."""
         return np.asarray(self.promised & (self.orders == 0))
 
-    @cached_property
-    def promised(self) -> Truths:
-        """Rows of limits that a verified motion keeps, (rows,)."""
-        return self._of_rows([limit.promised for limit in self.limits], np.bool)
+    promised = _of_limits(lambda limit: limit.promised, np.bool)
+    """Rows of limits that a verified motion keeps, (rows,)."""
 
-    @cached_property
-    def convex(self) -> Truths:
-        """Rows of quantities that are convex functions of the position alone, (rows,)."""
-        return self._of_rows([isinstance(limit, ConvexLimit) for limit in self.limits], np.bool)
+    convex = _of_limits(lambda limit: isinstance(limit, ConvexLimit), np.bool)
+    """Rows of quantities that are convex functions of the position alone, (rows,)."""
 
     @property
     def sampled_places(self) -> Truths:
         """Rows of positions for which there is no sure bound, so that samples must do, (rows,)."""
         return np.asarray(self.of_place & ~self.convex)
 
-    @cached_property
-    def slid_along(self) -> Truths:
-        """Rows of positions along which the best motion may slide, (rows,)."""
-        return self._of_rows([limit.slid_along for limit in self.limits], np.bool)
+    slid_along = _of_limits(lambda limit: limit.slid_along, np.bool)
+    """Rows of positions along which the best motion may slide, (rows,)."""
 
-    @cached_property
-    def ridged(self) -> Truths:
-        """Rows of positions whose size may be largest at a kink, (rows,)."""
-        return self._of_rows([limit.has_ridges for limit in self.limits], np.bool)
+    ridged = _of_limits(lambda limit: limit.has_ridges, np.bool)
+    """Rows of positions whose size may be largest at a kink, (rows,)."""
 
-    @cached_property
-    def in_phases(self) -> Truths:
-        """Rows of positions that hold in some phases of a motion, (rows,)."""
-        return self._of_rows([isinstance(limit, PhasedLimit) for limit in self.limits], np.bool)
+    in_phases = _of_limits(lambda limit: isinstance(limit, PhasedLimit), np.bool)
+    """Rows of positions that hold in some phases of a motion, (rows,)."""
 
     @cached_property
     def has_convex(self) -> bool:
@@ -316,10 +320,3 @@ class Constraints:
     def of_order(self, order: int) -> Index:
         """Indices of the rows of an order."""
         return np.asarray(np.flatnonzero(self.orders == order))
-
-
-def _exponent(limit: Limit) -> int:
-    if limit.order == 0:
-        return 0
-    powers = limit.powers or ()
-    return powers[0] if len(powers) == 1 else MIXED

@@ -42,17 +42,14 @@ _LEAST_SHARE = 0.5
 
 
 def least_rooms(
-    scene: Scene,
-    motion: Trajectory,
-    enough: float = 0.0,
-    pairs: Iterable[tuple[int, int]] | None = None,
+    scene: Scene, motion: Trajectory, pairs: Iterable[tuple[int, int]] | None = None
 ) -> Array:
     """By how much more than its radius and the scene's clearance each link stays away from each
     body at least, at all instants, (6, bodies), m; negative where it does not. ``pairs``: of a link
     and a body that are looked at, if not all; others are as if infinitely far away.
 
-    More than ``enough`` (m) it is a bound that may be far too low, less it is what is seen at the
-    worst of many instants, and NaN where the motion is out of reach.
+    More than 0 it is a bound that may be far too low, less it is what is seen at the worst of many
+    instants, and NaN where the motion is out of reach.
     """
     bodies, kept = solids_about(scene.keep_out or ()), kept_from_bodies(scene)
     least = np.full((LINKS, len(bodies)), np.inf)
@@ -65,8 +62,8 @@ def least_rooms(
         is_open = np.zeros(len(parts), np.bool)
         for b, links in looked_at.items():
             now, bound = lines.rooms(links, bodies[b], kept)  # (parts, links) each
-            is_too_near, below = ~(now >= enough), np.minimum(now, bound)
-            is_known = is_too_near | (below >= enough) | is_last
+            is_too_near, below = ~(now >= 0), np.minimum(now, bound)
+            is_known = is_too_near | (below >= 0) | is_last
             own = np.where(is_known, np.where(is_too_near, now, below), np.inf).min(axis=0)
             least[links, b] = np.minimum(least[links, b], own)
             is_open |= ~is_known.all(axis=1)

@@ -17,7 +17,7 @@ from math import factorial, inf, isfinite
 import numpy as np
 
 from deltaopt.curves.piecewise import Array, Index, Truths
-from deltaopt.limits.constraints import MIXED, Constraints
+from deltaopt.limits.constraints import MIXED
 from deltaopt.motion.approach_excess import approach_excess
 from deltaopt.motion.extrema import (
     Peaks,
@@ -68,28 +68,19 @@ def needed_slowing(
 
     ``sampled``: ``loads_inside`` of ``fractions_of`` the motion, where these are known already.
     """
-    intervals, fractions = len(trajectory.knots) - 1, fractions_of(trajectory)
-    along = LoadsOfMotion(problem, trajectory).along
-    known = sampled or along(*everywhere(intervals, fractions))
-    constraints = problem.limits.constraints
-    over_ridges = _ridges(constraints, along, fractions, known).values.max(initial=0.0) - 1
+    motion, constraints = _Sampled(problem, trajectory, sampled), problem.limits.constraints
+    over_ridges = motion.ridges().values.max(initial=0.0) - 1
     places = max(surely_misplaced(problem, trajectory), float(over_ridges))
     if not _mixed(problem).any():
-        highest = _highest(along, lambda loads: loads.demands, fractions, known).values
-        return known.needed(highest, at_least).beside(places)
-
-    def size(loads: Loads) -> Array:
-        return constraints.size(loads.rows)
+        highest = motion.highest(lambda loads: loads.demands).values
+        return motion.loads.needed(highest, at_least).beside(places)
 
     def looked_at(speed: float, closely: bool) -> Peaks:
-        slowed, loads = along, known
-        if speed != 1:
-            slowed = LoadsOfMotion(problem, trajectory.slowed(1 / speed)).along
-            loads = slowed(*everywhere(intervals, fractions))
+        slowed = motion if speed == 1 else _Sampled(problem, trajectory.slowed(1 / speed))
         if closely:
-            return _highest(slowed, size, fractions, loads)
+            return slowed.highest(slowed.size)
         highest = Peaks(constraints.number)
-        highest.see(*everywhere(intervals, fractions), size(loads))
+        highest.see(*slowed.where, slowed.size(slowed.loads))
         return highest
 
     factor, last = _factor_by_exchange(problem, trajectory, at_least, looked_at)
@@ -104,24 +95,43 @@ def fractions_of(trajectory: Trajectory) -> Array:
     return sample_fractions(len(trajectory.knots) - 1, degree)
 
 
-def _ridges(
-    constraints: Constraints,
-    along: Callable[[Index, Array], Loads],
-    fractions: Array,
-    sampled: Loads,
-) -> Peaks:
-    """The highest sizes of rows at kinks, of those that have any and are known."""
-    found, ridged = Peaks(constraints.number), constraints.ridged
-    if not ridged.any() or not np.isfinite(sampled.rows).all():
+class _Sampled:
+    """A motion's ``loads`` at ``fractions`` of its intervals, and between them."""
+
+    def __init__(
+        self, problem: Problem, trajectory: Trajectory, loads: Loads | None = None
+    ) -> None:
+        """``loads``: where these are known already."""
+        self.constraints, self.fractions = problem.limits.constraints, fractions_of(trajectory)
+        self.along = LoadsOfMotion(problem, trajectory).along
+        self.where = everywhere(len(trajectory.knots) - 1, self.fractions)
+        self.loads = loads or self.along(*self.where)
+
+    def size(self, loads: Loads) -> Array:
+        """How near rows are to their bounds, 1 at a bound."""
+        return self.constraints.size(loads.rows)
+
+    def ridges(self) -> Peaks:
+        """The highest sizes of rows at kinks, of those that have any and are known."""
+        found, ridged = Peaks(self.constraints.number), self.constraints.ridged
+        if not ridged.any() or not np.isfinite(self.loads.rows).all():
+            return found
+        sizes = self.size(self.loads)[:, ridged]
+        tops = ridges(lambda *at: self.size(self.along(*at))[:, ridged], self.fractions, sizes)
+        found.values[ridged], found.intervals[ridged] = tops.values, tops.intervals
+        found.fractions[ridged] = tops.fractions
         return found
 
-    def size(loads: Loads) -> Array:
-        return np.asarray(constraints.size(loads.rows)[:, ridged])
-
-    tops = ridges(lambda *at: size(along(*at)), fractions, size(sampled))
-    found.values[ridged], found.intervals[ridged] = tops.values, tops.intervals
-    found.fractions[ridged] = tops.fractions
-    return found
+    def highest(self, part: Callable[[Loads], Array]) -> Peaks:
+        """Where a part of the loads is largest, between samples too: about the places where a chain
+        comes so near to its serial singularity, or an arm turns back under friction so quickly,
+        that torques peak between samples, closer than these."""
+        found = peaks(lambda *at: part(self.along(*at)), self.fractions, part(self.loads))
+        valleys = narrow_valleys(
+            lambda *at: self.along(*at).narrow, self.fractions, self.loads.narrow
+        )
+        valleys.let_see(found, lambda *at: part(self.along(*at)))
+        return found
 
 
 def surely_misplaced(problem: Problem, trajectory: Trajectory) -> float:
@@ -220,28 +230,10 @@ class _Instants:
 
 def highest_rows(problem: Problem, trajectory: Trajectory) -> Peaks:
     """How near each constraint row comes to its bounds, 1 at a bound, between samples too."""
-    along, fractions = LoadsOfMotion(problem, trajectory).along, fractions_of(trajectory)
-    size = problem.limits.constraints.size
-    sampled = along(*everywhere(len(trajectory.knots) - 1, fractions))
-    found = _highest(along, lambda loads: size(loads.rows), fractions, sampled)
-    at_kinks = _ridges(problem.limits.constraints, along, fractions, sampled)
+    motion = _Sampled(problem, trajectory)
+    found, at_kinks = motion.highest(motion.size), motion.ridges()
     found.see_each(at_kinks.intervals, at_kinks.fractions, at_kinks.values)
     return found
-
-
-def _highest(
-    along: Callable[[Index, Array], Loads],
-    part: Callable[[Loads], Array],
-    fractions: Array,
-    sampled: Loads,
-) -> Peaks:
-    """Where a part of the loads is largest, between samples too: about the places where a chain
-    comes so near to its serial singularity, or an arm turns back under friction so quickly, that
-    torques peak between samples, closer than these."""
-    highest = peaks(lambda *where: part(along(*where)), fractions, part(sampled))
-    valleys = narrow_valleys(lambda *where: along(*where).narrow, fractions, sampled.narrow)
-    valleys.let_see(highest, lambda *where: part(along(*where)))
-    return highest
 
 
 def rough_factor(problem: Problem, trajectory: Trajectory) -> float:

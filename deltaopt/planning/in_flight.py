@@ -12,6 +12,7 @@ from deltaopt.motion.time_scaling import highest_rows
 from deltaopt.motion.trajectory import Trajectory, boundary_instants, moving_on, off_its_ends
 from deltaopt.planning.first_motions.around_bodies import is_clear
 from deltaopt.planning.first_motions.moving_ends import from_end_of
+from deltaopt.planning.loop import Loop
 from deltaopt.planning.mesh.kept_limits import KEPT
 from deltaopt.planning.plan import Plan, plan_as_it_is, quicker
 from deltaopt.problem.boundary import REST
@@ -32,22 +33,19 @@ _NO_WAY = 1e-11
 
 
 def finished_first(
+    loop: Loop,
     scene: Scene,
+    planned: Callable[[Scene], Plan],
     under_way: PiecewisePolynomial | None,
     found: Plan | None,
-    tolerance: float,
-    planned: Callable[[Scene], Plan],
-    roughly: Callable[[Scene], float],
 ) -> Plan | None:
     """The motion under way to its end and then, unless it leads to the goal, one from there, if
     that is shorter than what was ``found`` instead; None if not, if nothing is under way, or if it
     breaks a limit, and where something was found also if the goal or the end of that motion moves
     elsewhere.
 
-    ``tolerance``: that was asked for. ``planned``: plans the scene from there. ``roughly``:
-    about how long that takes, s.
-    Its gap is infinite, unless what was found tells it: how much longer it is than the best is not
-    known.
+    ``planned``: plans the scene from there. Its gap is infinite, unless what was found tells it:
+    how much longer it is than the best is not known.
     """
     if under_way is None:
         return None
@@ -59,12 +57,13 @@ def finished_first(
         if not _is_kept(scene, motion):
             return None
         origin = "the motion under way"
+        tolerance = loop.optimiser.tolerance
         finished = plan_as_it_is(scene, motion, tolerance, origin, origin, "Finished")
         return quicker(finished, found) if found else finished
     rest = from_end_of(scene, under_way)
     if found is not None and rest.moves_at_ends:
         return None
-    if found is not None and found.duration <= left + _AT_LEAST * roughly(rest):
+    if found is not None and found.duration <= left + _AT_LEAST * loop.roughly(rest):
         return None
     then = if_possible(NO_PLAN, planned, rest)
     if then is None or (found is not None and found.duration <= left + then.duration):

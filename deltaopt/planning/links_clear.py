@@ -19,6 +19,7 @@ from deltaopt.errors import Infeasible, NotConverged
 from deltaopt.limits.limit import OwnMeasure
 from deltaopt.motion.limit_sensitivity import Multipliers
 from deltaopt.motion.links import least_rooms
+from deltaopt.planning.loop import Loop
 from deltaopt.planning.plan import Plan, quicker
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.bodies import solids_about
@@ -53,23 +54,16 @@ Spare = dict[tuple[int, int], float]
 indices of link and body."""
 
 
-def keeping_links_clear(
-    scene: Scene,
-    planned: Callable[[Scene], Plan],
-    improved: Callable[[Scene, Plan], Plan],
-    tolerance: float,
-    report: Callable[[str], None],
-) -> Plan:
+def keeping_links_clear(loop: Loop, scene: Scene, planned: Callable[[Scene], Plan]) -> Plan:
     """The plan of a scene whose links all keep clear of all bodies. Its gap has what it costs that
     they are planned farther away than they must be, as far as that is known.
 
-    ``planned``: plans a scene by its limits, those of ``planned_links`` among them, to a
-    ``tolerance`` of the gap. ``improved``: a better plan near one that is known, or that itself.
-    Raises Infeasible where a link is in a body on a given path, or an arm turns past one on every
-    path, and NotConverged where no plan has all links clear.
+    ``planned``: plans a scene by its limits, those of ``planned_links`` among them. Raises
+    Infeasible where a link is in a body on a given path, or an arm turns past one on every path,
+    and NotConverged where no plan has all links clear.
     """
     at_points = rooms_at(scene, np.array(scene.placed_points)).min(axis=0)
-    usual = min(max(_SPARE * tolerance, _LEAST_SPARE), _MOST_SPARE)
+    usual = min(max(_SPARE * loop.optimiser.tolerance, _LEAST_SPARE), _MOST_SPARE)
     roundings = [body.radius for body in solids_about(scene.keep_out or ())]
     least, spare, plans = kept_from_bodies(scene).tolist(), Spare(), 0
     while True:
@@ -78,7 +72,7 @@ def keeping_links_clear(
         rooms = least_rooms(scene, found.trajectory)
         too_near = {pair: rooms[pair] for pair in _pairs(rooms < 0)}
         if not too_near:
-            return _nearer(scene, improved, tolerance, report, found, spare)
+            return _nearer(loop, scene, found, spare)
         link, body = min(too_near, key=lambda pair: too_near[pair])
         missed = f"{name_of(link)} comes {-1e3 * rooms[link, body]:.3g} mm too near to "
         missed += f"keep_out[{body}]"
@@ -92,7 +86,7 @@ def keeping_links_clear(
             )
         if plans == 1 and (in_the_way := _in_the_way_of_arms(scene)):
             raise Infeasible(in_the_way)
-        report(f"once more, for {missed}:")
+        loop.journal.note(f"once more, for {missed}:")
         for pair in _pairs(rooms < _NEAR):
             begun = max(usual, _ROUND - least[pair[0]] - roundings[pair[1]])
             farther = _FACTOR * max(-rooms[pair], 0.0)
@@ -119,24 +113,18 @@ def _in_the_way_of_arms(scene: Scene) -> str | None:
     )
 
 
-def _nearer(
-    scene: Scene,
-    improved: Callable[[Scene, Plan], Plan],
-    tolerance: float,
-    report: Callable[[str], None],
-    found: Plan,
-    spare: Spare,
-) -> Plan:
+def _nearer(loop: Loop, scene: Scene, found: Plan, spare: Spare) -> Plan:
     """A plan with all links clear, with what that costs in its gap; improved nearer to the bodies
-    where the gap is then above the ``tolerance``, as long as links are clear."""
-    cost = _cost(found.multipliers, spare)
+    where the gap is then above the tolerance, as long as links are clear."""
+    tolerance, cost = loop.optimiser.tolerance, _cost(found.multipliers, spare)
     best = replace(found, gap=found.gap + cost)
     while found.gap <= tolerance < best.gap and max(spare.values()) > _LEAST_SPARE:
-        report(f"once more, nearer to bodies: the distance costs {cost:.1e} of the duration:")
+        told = f"nearer to bodies: the distance costs {cost:.1e} of the duration:"
+        loop.journal.note(f"once more, {told}")
         share = max((tolerance - found.gap) / cost / _FACTOR, _NEARER)
         spare = {pair: max(share * more, _LEAST_SPARE) for pair, more in spare.items()}
         begun = replace(found, gap=inf, iterations=0)  # its gap is that of a plan farther away
-        nearer = improved(_limited(scene, spare), begun)
+        nearer = loop.improved(_limited(scene, spare), begun)
         if nearer.cost >= found.cost or (least_rooms(scene, nearer.trajectory) < 0).any():
             break
         found, cost = nearer, _cost(nearer.multipliers, spare)

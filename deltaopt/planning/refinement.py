@@ -276,7 +276,7 @@ class Refinement:
             before, lost = joined(before, together), joined_estimate(lost, together)
         shortest = shortest_intervals(last.trajectory, together)
         tightened = longest_tightened(self.scaling.problem, last.trajectory, before)
-        mesh = refined(before, lost, target, shortest=shortest, tightened=tightened)
+        mesh = refined(before, lost, target, shortest, tightened)
         mesh = mesh if together * len(mesh) <= last.program.finest else before
         contacts = last.contacts
         mesh = with_knots_at(mesh, contacts) if len(contacts) else mesh

@@ -46,10 +46,10 @@ from deltaopt.planning.loop import NEAR_BEST, USUAL, Loop, Outcome, better, or_e
 from deltaopt.planning.past_bodies.legs import Legs, proposed_in_legs, ways_in_legs
 from deltaopt.planning.past_bodies.ways import NEARLY, at_rest, fastest_way, ways_past
 from deltaopt.planning.path.path_planning import (
+    OF_ROOM,
     fastest_along,
     near_corners,
     planned_on_path,
-    through_corners,
 )
 from deltaopt.planning.plan import Plan, TakenWay, quicker, resolvable
 from deltaopt.scene.feasibility import check_feasible
@@ -115,10 +115,7 @@ class Run(Loop):
         """The plan of a scene by its limits, with arms and forearms clear of bodies if asked."""
         if not (scene.robot_keeps_clear and scene.keep_out):
             return planned(scene)
-        found = keeping_links_clear(
-            scene, planned, self.improved, self.optimiser.tolerance, self.journal.note
-        )
-        return replace(found, scene=scene)
+        return replace(keeping_links_clear(self, scene, planned), scene=scene)
 
     def _best_of_others(self, scene: Scene, usual: Callable[[Scene], Plan], search: Search) -> Plan:
         """The best of the ``usual`` plan and of those from other first motions, with what was
@@ -240,11 +237,7 @@ class Run(Loop):
         if on_belt.is_met_again(most) and (waited := on_belt.plan(most)):
             found = better(found, waited)
         if isinstance(scene.objective, Time):
-
-            def first(motion: PiecewisePolynomial | None, other: Plan | None) -> Plan | None:
-                tolerance, roughly = self.optimiser.tolerance, self.roughly
-                return finished_first(scene, motion, other, tolerance, planned, roughly)
-
+            first = partial(finished_first, self, scene, planned)
             is_poor = isinstance(found, Plan) and found.gap > NEAR_BEST
             if is_poor or isinstance(found, NotConverged):  # else none is known even at rest
                 stopped = first(stop_of(scene, planned), None)
@@ -310,8 +303,7 @@ class Run(Loop):
         """The best plan of the ways past bodies. ``free``: the fastest motion without them, if it
         is known. Raises Infeasible where there is no way, and what ends an attempt."""
         way, sources = self._ways(scene, free)
-        enough = self.good_gap(scene)
-        plan, ways = fastest_way(way, sources, free, self.only_from, self.on_first_mesh, enough)
+        plan, ways = fastest_way(self, way, sources, free)
         return replace(self.improved(scene, plan), scene=scene, ways=ways)
 
     def _ways(
@@ -364,8 +356,8 @@ class Run(Loop):
         usual, found = is_flat and in_one and isinstance(scene.objective, Time), list[Plan]()
         for corners in islice(paths_of_lines(scene), _PATHS) if usual else ():
             self.journal.note("near the corners of a path of straight lines:")
-            for make in (near_corners, through_corners) if len(corners) > 2 else ():
-                gates = make(scene, corners)
+            for of_room in OF_ROOM if len(corners) > 2 else ():
+                gates = near_corners(scene, corners, of_room)
                 through = if_possible(NO_PLAN, self.until_good, gates, through_gates(gates))
                 if isinstance(through, Plan) and is_clear(scene, through.trajectory):
                     found.append(through)

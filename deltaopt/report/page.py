@@ -9,7 +9,7 @@ files.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from math import isfinite
@@ -196,19 +196,15 @@ def _ways(ways: Sequence[TakenWay]) -> str:
 
 def _figures(scenes: Sequence[Scene]) -> str:
     """The drawings, with what is to be known of their marks."""
-    hints = {
-        "Bodies are grey, as if of glass: turn the robot to see on which side the path passes.": (
-            any(scene.keep_out is not None for scene in scenes)
-        ),
-        "Blue is what the path stays in.": any(scene.tube or scene.columns for scene in scenes),
-        "Orange is the way of a goal on its belt meanwhile.": any(
-            scene.task.goal.moves for scene in scenes
-        ),
-        "Diamonds are via points, circles about them the spheres that are passed.": bool(
-            any(scene.task.via for scene in scenes)
-        ),
+    bodies = "Bodies are grey, as if of glass: turn the robot to see on which side the path passes."
+    points = "Diamonds are via points, circles about them the spheres that are passed."
+    hints: dict[str, Callable[[Scene], object]] = {
+        bodies: lambda scene: scene.keep_out is not None,
+        "Blue is what the path stays in.": lambda scene: scene.tube or scene.columns,
+        "Orange is the way of a goal on its belt meanwhile.": lambda scene: scene.task.goal.moves,
+        points: lambda scene: scene.task.via,
     }
-    told = "".join(f" {hint}" for hint, holds in hints.items() if holds)
+    told = "".join(f" {hint}" for hint, holds in hints.items() if any(map(holds, scenes)))
     return _filled("page.figures.html", told=escape(told))
 
 

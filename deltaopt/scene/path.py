@@ -360,12 +360,6 @@ def _through(corners: Array, blends: list[float]) -> Path:
         pieces.append(np.array([begin, first, zero, turn / length**2, -turn / (2 * length**3)]))
         steps.append(length)
 
-    def halve() -> None:
-        """Cut the last piece in the middle."""
-        half, whole = steps.pop() / 2, pieces.pop()
-        pieces.extend([whole, shifted(whole, half)])
-        steps.extend([half, half])
-
     before = 0.0
     for i, direction in enumerate(directions):
         after = blends[i] if i < len(blends) else 0.0
@@ -375,7 +369,9 @@ def _through(corners: Array, blends: list[float]) -> Path:
         if after:
             add(corners[i + 1] - after * direction, direction, directions[i + 1], 2 * after)
             if direction @ directions[i + 1] < _REVERSED:
-                halve()
+                half, whole = steps.pop() / 2, pieces.pop()  # cut in the middle
+                pieces += [whole, shifted(whole, half)]
+                steps += [half, half]
         before = after
     knots = np.concatenate([[0.0], np.cumsum(steps)])
     coefficients = np.array(pieces)

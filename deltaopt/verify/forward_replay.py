@@ -12,14 +12,13 @@ motion is also followed in pieces, each from the reported state and too short fo
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from deltaopt.curves.piecewise import Array, PiecewisePolynomial
+from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.precise_integrator import PreciseIntegrator
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.motion.trajectory import Trajectory, goal_of
@@ -48,12 +47,6 @@ _FEWEST_PIECES = 4
 what follows from it are known by fewer."""
 
 
-Follow = Callable[[Array, int, float, float], Array]
-"""The state (x, v) before a piece of an interval, its number, when the piece begins since the
-interval does, and how long it is -> the state after it, all in ``Units``. Raises NotIntegrated
-where CVODES fails."""
-
-
 class NotIntegrated(Exception):
     """The motion under the reported torques could not be followed to the end."""
 
@@ -66,70 +59,66 @@ def replay(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
     """
     units = Units(scene, trajectory)
     counts, amplification = _pieces(scene, trajectory, units)
-    position = units.position(trajectory.position)
-    after = _follower(scene, trajectory, position, units)
+    followed = _Followed(scene, trajectory, units)
     is_long = not amplification <= MOST_AMPLIFIED  # nor where it is no number
     away = fast = None
     if amplification <= _HOPELESS:
         start, goal = scene.task.start, goal_of(problem_of(scene), trajectory)
         try:
-            away, fast = _arrival(start, goal, position, after, units)
+            away, fast = followed.arrival(start, goal)
         except NotIntegrated:
             if not is_long:  # else lost by rounding
                 raise
     found = {"amplification": amplification, "arrival_distance": away, "arrival_speed": fast}
     if is_long:
-        found["defect_distance"], found["defect_speed"] = _defects(counts, position, after, units)
+        found["defect_distance"], found["defect_speed"] = followed.defects(counts)
     return found
 
 
-def _follower(
-    scene: Scene, trajectory: Trajectory, position: PiecewisePolynomial, units: Units
-) -> Follow:
-    """What follows the scene's model under the torques of a trajectory, whose position this is."""
-    model = model_of(scene.robot, scene.payload).with_multipliers()
-    step = _step(model.functions, trajectory.model.functions, position.coefficients.shape[1])
-    p = np.concatenate([units.parameters(model), units.parameters(trajectory.model)])
+class _Followed:
+    """What follows the scene's model under the torques of a trajectory, in ``units``."""
 
-    def after(state: Array, interval: int, begin: float, length: float) -> Array:
-        coefficients = position.coefficients[interval].ravel()
-        found = step(state, np.concatenate([coefficients, [begin, length], p]))
+    def __init__(self, scene: Scene, trajectory: Trajectory, units: Units) -> None:
+        model, torques = model_of(scene.robot, scene.payload).with_multipliers(), trajectory.model
+        self.units, self.position = units, units.position(trajectory.position)
+        powers = self.position.coefficients.shape[1]
+        self._step = _step(model.functions, torques.functions, powers)
+        self._p = np.concatenate([units.parameters(model), units.parameters(torques)])
+
+    def after(self, state: Array, interval: int, begin: float, length: float) -> Array:
+        """The state (x, v) after a piece of an interval, from that before it, when the piece begins
+        since the interval does, and how long it is. Raises NotIntegrated where CVODES fails."""
+        coefficients = self.position.coefficients[interval].ravel()
+        found = self._step(state, np.concatenate([coefficients, [begin, length], self._p]))
         if not np.isfinite(found).all():
-            t = (position.knots[interval] + begin) * units.time
+            t = (self.position.knots[interval] + begin) * self.units.time
             raise NotIntegrated(f"CVODES failed after t = {t:.6g} s")
         return found
 
-    return after
+    def arrival(self, start: Boundary, goal: Boundary) -> tuple[float, float]:
+        """Distance to the goal (m) and to its velocity (m/s) at the end, from the scene's start."""
+        state = _state(start, self.units)
+        for interval, length in enumerate(np.diff(self.position.knots)):
+            state = self.after(state, interval, 0.0, length)
+        return _in_si(state - _state(goal, self.units), self.units)
 
-
-def _arrival(
-    start: Boundary, goal: Boundary, position: PiecewisePolynomial, after: Follow, units: Units
-) -> tuple[float, float]:
-    """Distance to the goal (m) and to its velocity (m/s) at the end, from the scene's start."""
-    state = _state(start, units)
-    for interval, length in enumerate(np.diff(position.knots)):
-        state = after(state, interval, 0.0, length)
-    return _in_si(state - _state(goal, units), units)
-
-
-def _defects(
-    counts: list[float], position: PiecewisePolynomial, after: Follow, units: Units
-) -> tuple[float, float]:
-    """The largest defect of a piece, m and m/s; ``counts``: pieces of each interval."""
-    most = max(_FEWEST_PIECES * position.coefficients.shape[1], _MOST_PIECES // len(counts))
-    found = [(0.0, 0.0)]
-    for interval, count in enumerate(counts):
-        length = (position.knots[interval + 1] - position.knots[interval]) / count
-        followed = np.unique(np.linspace(0, count - 1, int(min(count, most))).round())
-        own = np.full(len(followed), interval)
-        begins, ends = (  # the reported position and velocity
-            np.hstack([position.inside(own, length * at, order) for order in range(2)])
-            for at in (followed, followed + 1)
-        )
-        for k, begin, end in zip(followed.tolist(), begins, ends, strict=True):
-            found.append(_in_si(after(begin, interval, k * length, length) - end, units))
-    distances, speeds = zip(*found, strict=True)
-    return max(distances), max(speeds)
+    def defects(self, counts: list[float]) -> tuple[float, float]:
+        """The largest defect of a piece, m and m/s; ``counts``: pieces of each interval."""
+        position, found = self.position, [(0.0, 0.0)]
+        most = max(_FEWEST_PIECES * position.coefficients.shape[1], _MOST_PIECES // len(counts))
+        for interval, count in enumerate(counts):
+            length = (position.knots[interval + 1] - position.knots[interval]) / count
+            followed = np.unique(np.linspace(0, count - 1, int(min(count, most))).round())
+            own = np.full(len(followed), interval)
+            begins, ends = (  # the reported position and velocity
+                np.hstack([position.inside(own, length * at, order) for order in range(2)])
+                for at in (followed, followed + 1)
+            )
+            for k, begin, end in zip(followed.tolist(), begins, ends, strict=True):
+                away = self.after(begin, interval, k * length, length) - end
+                found.append(_in_si(away, self.units))
+        distances, speeds = zip(*found, strict=True)
+        return max(distances), max(speeds)
 
 
 def _state(end: Boundary, units: Units) -> Array:

@@ -26,7 +26,7 @@ from deltaopt.mechanisms.delta.mechanism import DeltaParameters, delta
 
 @pytest.fixture(scope="module")
 def study() -> Study:
-    return compare_dynamics(states=2, rounds=1, compiler=None)
+    return compare_dynamics(2, 1, None, lambda *_: None)
 
 
 @pytest.fixture(scope="module")

@@ -43,11 +43,12 @@ def test_what_is_known_to_be_clear_is_clear_at_dense_samples(seed):
     samples = np.stack([densely(scene, of, places).min(axis=0) for of in of_bodies], axis=1)
     assert (samples > 0).any()
     assert (samples < 0).any()
-    for enough in (0.0, 0.8 * samples[samples > 0].min(), 0.9 * samples.max()):
-        found = least_rooms(scene, along, enough)
-        clear = found >= enough
-        assert (found <= samples + 1e-12)[clear].all()
-        assert (clear == (samples >= enough))[np.abs(samples - enough) > 2e-3].all()
+    for asked in (0.0, 0.8 * samples[samples > 0].min(), 0.9 * samples.max()):
+        farther = scene.model_copy(update={"clearance": asked})
+        found = least_rooms(farther, along)
+        clear = found >= 0
+        assert (found + asked <= samples + 1e-12)[clear].all()
+        assert (clear == (samples >= asked))[np.abs(samples - asked) > 2e-3].all()
 
 
 def lower(body: dict) -> dict:
@@ -65,7 +66,7 @@ def test_the_verifier_agrees_with_the_planner(body):
     """Where links keep half of the distance that they have, and where they do not."""
     bare = with_bodies(body)
     along = motion(bare, 1)
-    least = least_rooms(bare, along, np.inf).min()  # as seen at some instants
+    least = 1 + least_rooms(with_bodies(body, clearance=1.0), along).min()  # at some instants
     assert least > 0.01
     for asked in (least / 2, least + 1e-3):
         scene = with_bodies(body, clearance=asked)

@@ -22,6 +22,9 @@ from deltaopt import (
 )
 from deltaopt.errors import Infeasible
 from deltaopt.planning.in_flight import finished_first
+from deltaopt.planning.journal import Journal
+from deltaopt.planning.loop import Loop
+from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
 from studies.frozen import cases
 from tests.good_plans import good_plan
 from tests.planning.switching.test_vertical_moves import MOVES, VerticalMove
@@ -287,7 +290,8 @@ def test_finishing_is_a_plan_where_nothing_is_found(across, goal):
     now, rest = across.trajectory(share), across.trajectory.position.after(share)
     state = State(at=tuple(now.x.tolist()), velocity=tuple(now.v.tolist()))
     scene = CROSS.model_copy(update={"start": state, "goal": goal})
-    found = finished_first(scene, rest, None, 1e-3, plan, lambda _: 0.0)
+    loop = Loop(TrajectoryOptimiser(), Journal(lambda _: None))
+    found = finished_first(loop, scene, plan, rest, None)
     assert verify(found.scene, found.trajectory).failures() == []
     assert found.duration == pytest.approx(across.duration - share, rel=1e-12)
     assert found.sensitivities == ()

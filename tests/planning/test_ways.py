@@ -9,7 +9,10 @@ import pytest
 from deltaopt import NotConverged, Scene, State, plan
 from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.first_motions.around_bodies import ways_beside
+from deltaopt.planning.journal import Journal
+from deltaopt.planning.loop import Loop
 from deltaopt.planning.past_bodies.ways import fastest_way
+from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
 from tests.planned_scenes import CROSS
 
 
@@ -25,9 +28,13 @@ def test_that_nothing_is_found_is_said_where_only_motions_led_aside_are_known():
     ways = ways_beside(scene, free)
     assert len(ways) > 1
 
-    def fails(attempt: Attempt) -> NoReturn:
-        raise NotConverged("nothing is solved", "Failed", attempt.motion)
+    class Fails(Loop):
+        def made(self, attempt: Attempt) -> NotConverged:
+            return NotConverged("nothing is solved", "Failed", attempt.motion)
 
-    attempt = Attempt(scene, free, 16)
+        def on_first_mesh(self, attempt: Attempt) -> NoReturn:
+            raise self.made(attempt)
+
+    loop = Fails(TrajectoryOptimiser(), Journal(lambda _: None))
     with pytest.raises(NotConverged, match="nothing is solved"):
-        fastest_way(attempt, iter([ways]), free, fails, fails, 1e-3)
+        fastest_way(loop, Attempt(scene, free, 16), iter([ways]), free)

@@ -138,10 +138,7 @@ class Study:
 
 
 def compare_dynamics(
-    states: int,
-    rounds: int,
-    compiler: Compiler | None,
-    progress: Progress = lambda done, what: None,
+    states: int, rounds: int, compiler: Compiler | None, progress: Progress
 ) -> Study:
     """Measure all models at both tasks on ``states`` random states of the paper's Delta.
 

@@ -37,6 +37,8 @@ from deltaopt.planning.switching.detection import detect_structure
 UNIFORM = (10, 20, 40)
 """Intervals of the uniform meshes, from the baseline; those after them have knots where the
 method's own motion switches, and start from it."""
+OF_REFERENCE = 1e-5
+"""The gap of the reference."""
 AIM = 3e-5
 """What a refined mesh may give away; a method's mesh is refined while its gap is larger."""
 REFINEMENTS = 3
@@ -113,31 +115,25 @@ class PlanStudy:
     seconds: float
 
 
-def compare_plans(
-    cases: Sequence[Case],
-    tolerance: float = 1e-5,
-    uniform: Sequence[int] = UNIFORM,
-    refinements: int = REFINEMENTS,
-    progress: Progress = lambda done, what: None,
-) -> PlanStudy:
-    """Solve every case with every method on every mesh. ``tolerance``: of the reference's gap."""
+def compare_plans(cases: Sequence[Case], progress: Progress) -> PlanStudy:
+    """Solve every case with every method on every mesh."""
     begin = perf_counter()
     rows, references = list[SolveRow](), dict[str, Reference]()
     for i, case in enumerate(cases):
         progress(i / len(cases), f"{case.name}: reference")
-        references[case.name] = reference = find_reference(case, tolerance)
+        references[case.name] = reference = find_reference(case)
         equations = {method.kind: method.kind.equations(case.system) for method in METHODS}
         for j, method in enumerate(METHODS, 1):
             progress((i + j / (1 + len(METHODS))) / len(cases), f"{case.name}: {method}")
             solver = _Solver(case, method, equations[method.kind])
-            rows += solver.rows(reference, uniform, refinements)
+            rows += solver.rows(reference)
     progress(1.0, "done")
     return PlanStudy(rows, references, perf_counter() - begin)
 
 
-def find_reference(case: Case, tolerance: float) -> Reference:
+def find_reference(case: Case) -> Reference:
     """Return the case's own reference; without one, refine the flat problem until its estimated gap
-    is within the tolerance, or five times."""
+    is small enough, or five times."""
     if case.reference is not None:
         return case.reference()
     solver = _Solver(case, Method(Flat(), LINEAR), Flat().equations(case.system))
@@ -146,9 +142,9 @@ def find_reference(case: Case, tolerance: float) -> Reference:
         solved = solver.solve(mesh, guess)
         guess, factor = solved.motion, case.safe_factor(solved.motion)
         gap = factor - 1 + solved.lost.total
-        if gap <= tolerance:
+        if gap <= OF_REFERENCE:
             break
-        mesh = at_switches(mesh, case.by_order(guess), solved.lost, tolerance / 2)
+        mesh = at_switches(mesh, case.by_order(guess), solved.lost, OF_REFERENCE / 2)
     return Reference(float(guess.knots[-1]) * factor, gap, f"flat, {len(mesh)} intervals")
 
 
@@ -180,13 +176,11 @@ class _Solver:
         lost = self.case.lost(motion, problem.multipliers(solution))
         return _Solved(problem, solution, motion, lost)
 
-    def rows(
-        self, reference: Reference, uniform: Sequence[int], refinements: int
-    ) -> list[SolveRow]:
+    def rows(self, reference: Reference) -> list[SolveRow]:
         """Solve on uniform meshes from the straight line, then on meshes with knots where this
         method's motion switches."""
-        found = [self._row(reference, np.full(n, 1 / n), self.case.guess) for n in uniform]
-        for _ in range(refinements):
+        found = [self._row(reference, np.full(n, 1 / n), self.case.guess) for n in UNIFORM]
+        for _ in range(REFINEMENTS):
             row, last = found[-1]
             if last is None or not row.gap > AIM:
                 break

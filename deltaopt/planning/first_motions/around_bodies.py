@@ -132,7 +132,7 @@ def ways_beside(scene: Scene, free: Trajectory) -> list[Proposal]:
     ways = dict[str, Proposal]()
     for _, motion in sorted(found, key=itemgetter(0)):
         way = _way(bodies, sampled(motion), motion)
-        ways.setdefault(way.name, way)
+        ways.setdefault(way.name, way._replace(is_aside=True))
     return list(ways.values())
 
 

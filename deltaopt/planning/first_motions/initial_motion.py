@@ -59,11 +59,13 @@ _MOST_SPEEDS = 10
 
 class Proposal(NamedTuple):
     """A first ``motion``, and its ``name``: a noun phrase, such as "a straight line". ``legs``: of
-    how many that are the best ones by themselves it is made; 0 where it is not."""
+    how many that are the best ones by themselves it is made; 0 where it is not. ``is_aside``:
+    whether it is the fastest motion without bodies, led aside in its time."""
 
     name: str
     motion: Trajectory
     legs: int = 0
+    is_aside: bool = False
 
 
 def straight_line(model: Model, start: Vector3, goal: Vector3, duration: float) -> Trajectory:

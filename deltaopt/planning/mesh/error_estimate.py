@@ -53,6 +53,8 @@ _TIGHTENED, _BESIDE_FRICTION = 4e-3, 4e-4
 there instead of the interval being split. Tightening in longer intervals would cost more time. The
 second where rates of torques are limited and Coulomb friction changes its sign: no tightening at
 the points of an interval helps against a rate that peaks between two of them."""
+_MOST_PIECES = 6
+"""Into which an interval is split at once."""
 _SHORTEST, _SHORTEST_THIRD, _USUAL = 5e-5, 1e-4, 16.0
 """Shortest interval, as a fraction of the duration, and where three after each other are of equal
 length, for accelerations up to the last, a motion's extent per square of its duration.
@@ -175,27 +177,22 @@ def longest_tightened(problem: Problem, motion: Trajectory, mesh: Array) -> Arra
 
 
 def refined(
-    mesh: Array,
-    lost: ErrorEstimate,
-    target: float,
-    most: int = 6,
-    shortest: Array | float = _SHORTEST,
-    tightened: Array | float = _TIGHTENED,
+    mesh: Array, lost: ErrorEstimate, target: float, shortest: Array, tightened: Array
 ) -> Array:
     """Split the intervals of a mesh, (N,), so that the lost time falls to about ``target``.
 
-    Each is split evenly into ``most`` pieces at most, none shorter than ``shortest``. In an
-    interval where a torque jumps the loss falls with the square of its length, in others faster;
-    beside a sharp edge of a body in proportion to it, and the motion may then touch the edge in the
-    next interval. An exceeded limit is no reason to split an interval that is no longer than
-    ``tightened``, for the limit is tightened there.
+    Each is split evenly into few pieces, none shorter than ``shortest``. In an interval where a
+    torque jumps the loss falls with the square of its length, in others faster; beside a sharp edge
+    of a body in proportion to it, and the motion may then touch the edge in the next interval. An
+    exceeded limit is no reason to split an interval that is no longer than ``tightened``, for the
+    limit is tightened there.
     """
     exceeded = np.where(mesh > tightened, lost.exceeded, 0.0)
     share = lost.unused / (target / len(mesh)) + exceeded / target
     wanted = np.ceil(np.sqrt(share))
     if lost.at_bodies is not None:
         wanted = np.maximum(wanted, np.ceil(_FOR_BODIES * with_neighbours(lost.at_bodies) / target))
-    pieces = np.clip(wanted, 1, np.clip(mesh / shortest, 1, most)).astype(int)
+    pieces = np.clip(wanted, 1, np.clip(mesh / shortest, 1, _MOST_PIECES)).astype(int)
     return split(mesh, pieces)
 
 

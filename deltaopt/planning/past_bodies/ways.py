@@ -6,7 +6,7 @@ what is fast there is solved on a finer one, and what is fast on that is planned
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import dist, inf
@@ -26,6 +26,7 @@ from deltaopt.planning.first_motions.around_bodies import (
 )
 from deltaopt.planning.first_motions.initial_motion import Proposal
 from deltaopt.planning.first_motions.moving_ends import from_state_to_state
+from deltaopt.planning.loop import Loop
 from deltaopt.planning.past_bodies.near_bodies import near, past_these, those_hit, with_those_hit
 from deltaopt.planning.plan import Plan, TakenWay, quicker
 from deltaopt.planning.refinement import Slower
@@ -68,9 +69,6 @@ _SAME_MOTION, _COMPARED = 0.02, 33
 """Of the way: motions on the first mesh that are nowhere farther apart at the same share of their
 durations, at so many instants, are the same motion, to what a first mesh is solved to."""
 
-Planning = Callable[[Attempt], Plan]
-"""Plans from an attempt. Raises an error that ends an attempt."""
-
 
 def ways_past(attempt: Attempt, free: Trajectory | None) -> Iterator[list[Proposal]]:
     """The ways past the bodies of a scene, those of one source after the other; ``attempt`` and
@@ -90,23 +88,16 @@ def ways_past(attempt: Attempt, free: Trajectory | None) -> Iterator[list[Propos
 
 
 def fastest_way(
-    attempt: Attempt,
-    sources: Iterator[list[Proposal]],
-    free: Trajectory | None,
-    planned: Planning,
-    on_first_mesh: Callable[[Attempt], Trajectory],
-    enough: float,
+    loop: Loop, attempt: Attempt, sources: Iterator[list[Proposal]], free: Trajectory | None
 ) -> tuple[Plan, tuple[TakenWay, ...]]:
     """The best plan of all ways past the bodies of a scene, and the ways, first the one taken.
 
-    ``attempt``: from a motion that may run into bodies. ``sources``: ways, those of one source
-    after the other. ``free``: the fastest motion without bodies, None where that is not known.
-    ``on_first_mesh``: the motion that is best on the first mesh of an attempt; it may raise an
-    error that ends an attempt, as may ``planned``.
-    ``enough``: above this gap a plan is made again from a finer mesh. Raises what sources raise,
-    and such an error where no way leads to a plan.
+    ``loop``: makes attempts. ``attempt``: from a motion that may run into bodies. ``sources``:
+    ways, those of one source after the other. ``free``: the fastest motion without bodies, None
+    where that is not known. Raises what sources raise, and what ends an attempt where no way leads
+    to a plan.
     """
-    ways, search = list[Proposal](), _SearchOfWays(attempt, free, planned, on_first_mesh, enough)
+    ways, search = list[Proposal](), _SearchOfWays(loop, attempt, free)
     for source in sources:
         ways += source[:_MOST_WAYS]
         search.look_at(source[:_MOST_WAYS])
@@ -117,7 +108,7 @@ def fastest_way(
         if len(led) > 1 or any(each.is_good for each in led):
             break
         on_finer = replace(attempt, intervals=factor * attempt.intervals)
-        finer = _SearchOfWays(on_finer, free, planned, on_first_mesh, enough)
+        finer = _SearchOfWays(loop, on_finer, free)
         finer.look_at(ways)
         led += [finer] if finer.plans else []
     if not led:
@@ -143,16 +134,14 @@ class _SearchOfWays:
     """Ways past the bodies of a scene that are looked at on one first mesh, those of one source
     after the other; those that are fast there are planned.
 
-    ``attempt``, ``free``, ``planned``, ``on_first_mesh``, ``enough``: as of ``fastest_way``.
+    ``loop``, ``attempt``, ``free``: as of ``fastest_way``.
     ``trials``: of all ways. ``durations``: how long they take, as far as that is known, s, and
     ``plans``: of some of them, each by the number of its trial. ``failures``: of others.
     """
 
+    loop: Loop
     attempt: Attempt
     free: Trajectory | None
-    planned: Planning
-    on_first_mesh: Callable[[Attempt], Trajectory]
-    enough: float
     trials: list[_Trial] = field(default_factory=list)
     durations: dict[int, float] = field(default_factory=dict)
     plans: dict[int, Plan] = field(default_factory=dict)
@@ -160,12 +149,12 @@ class _SearchOfWays:
 
     def look_at(self, ways: list[Proposal]) -> None:
         """Plan those of some more ways that promise to be faster than all before."""
-        first, others = len(self.trials), [way for way in ways if not self._is_beside(way)]
+        first, others = len(self.trials), not all(way.is_aside for way in ways)
         for way in ways:
             trial = self._along(way)
             if len(ways) > 1 or self.trials:
                 trial = self._solved(trial)
-                if others and self._is_beside(way) and not trial.is_solved:
+                if others and way.is_aside and not trial.is_solved:
                     continue  # it leads to nothing as it is
             self.trials.append(trial)
             if trial.is_solved:
@@ -207,9 +196,9 @@ class _SearchOfWays:
             known = self.shortest if isinstance(scene.objective, Time) else inf
         for beginning in trial.beginnings:
             try:
-                found = _past_all(scene, replace(beginning, most=known), self.planned)
+                found = self._past_all(replace(beginning, most=known))
                 self.plans[which] = quicker(self.plans.get(which, found), found)
-                if found.gap <= self.enough:
+                if found.gap <= self.loop.good_gap(scene):
                     break
             except Slower as error:
                 self.durations[which] = error.duration
@@ -217,23 +206,27 @@ class _SearchOfWays:
             except ENDS_AN_ATTEMPT as error:
                 self.failures.append(error)
 
+    def _past_all(self, attempt: Attempt) -> Plan:
+        """A plan from an attempt, past all bodies that it runs into."""
+        found = self.loop.only_from(attempt)
+        while more := with_those_hit(self.attempt.scene, attempt.scene, found.trajectory.position):
+            attempt = replace(attempt, scene=more)
+            found = self.loop.only_from(attempt)
+        return found
+
     def _along(self, way: Proposal) -> _Trial:
         """The trial of a way, past the bodies that this comes near, and those that the fastest
         motion without bodies runs into: without these most ways lead to that."""
         bodies = near(self.attempt.scene, way.motion.position) | self._hit
         scene = past_these(self.attempt.scene, bodies)
         slower, longest = _SLOWER, way.motion.duration
-        if self._is_beside(way):
+        if way.is_aside:
             slower, longest = 1.0, _LONGER_ASIDE * longest
         elif scene.task.goal.moves:  # it is not where the way ends for long
             slower = self.attempt.motion.duration / way.motion.duration
         motion = way.motion.slowed(slower)
         begin = replace(self.attempt, scene=scene, motion=motion, is_near=True, proposal=way.name)
         return _Trial(begin, longest, way.motion)
-
-    def _is_beside(self, way: Proposal) -> bool:
-        """Whether a way is the fastest motion without bodies, led aside in its time."""
-        return self.free is not None and way.motion.duration == self.free.duration
 
     def _solved(self, trial: _Trial) -> _Trial:
         """A trial with the motion that is best on the coarsest mesh on which it leads past bodies,
@@ -256,14 +249,14 @@ class _SearchOfWays:
         into at points of that. It is solved again past these from where it is, which is mostly near
         the best motion past them; where that is not solved, from the way. Where it leads through a
         body between points the attempt of the trial is from there."""
-        motion, way = if_possible(ENDS_AN_ATTEMPT, self.on_first_mesh, attempt), trial.attempt
+        motion, way = if_possible(ENDS_AN_ATTEMPT, self.loop.on_first_mesh, attempt), trial.attempt
         while motion:
             more = with_those_hit(self.attempt.scene, attempt.scene, motion.position)
             if more is None:
                 break
             attempt = replace(attempt, scene=more)
             begins = (replace(attempt, motion=each) for each in (motion, way.motion))
-            solved = (if_possible(ENDS_AN_ATTEMPT, self.on_first_mesh, each) for each in begins)
+            solved = (if_possible(ENDS_AN_ATTEMPT, self.loop.on_first_mesh, one) for one in begins)
             motion = next((each for each in solved if each), None)
         from_way = replace(attempt, motion=way.motion)
         if motion is None or motion.duration > trial.longest:
@@ -291,7 +284,8 @@ class _SearchOfWays:
     def is_good(self) -> bool:
         """Whether the best plan is good enough."""
         best = min(self.plans.values(), key=lambda plan: plan.cost, default=None)
-        return best is not None and (best.within_tolerance or best.gap <= self.enough)
+        enough = self.loop.good_gap(self.attempt.scene)
+        return best is not None and (best.within_tolerance or best.gap <= enough)
 
     @property
     def gains_little(self) -> bool:
@@ -345,15 +339,6 @@ class _Trial:
         """The attempt from a motion that is near the best, on so much finer a first mesh."""
         intervals = finer * self.attempt.intervals
         return replace(self.attempt, motion=motion, intervals=intervals, is_near=True)
-
-
-def _past_all(scene: Scene, attempt: Attempt, planned: Planning) -> Plan:
-    """A plan from an attempt, past all bodies that it runs into; ``scene``: with all bodies."""
-    found = planned(attempt)
-    while (more := with_those_hit(scene, attempt.scene, found.trajectory.position)) is not None:
-        attempt = replace(attempt, scene=more)
-        found = planned(attempt)
-    return found
 
 
 def _distinct(trials: list[_Trial]) -> list[int]:

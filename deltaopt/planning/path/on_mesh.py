@@ -54,13 +54,9 @@ class OnMesh:
 
 
 def fastest_on_mesh(
-    rows: PathRows,
-    mesh: PathMesh,
-    tangency: Tangency,
-    ends: tuple[float, float],
-    tighter: Array | None,
+    rows: PathRows, mesh: PathMesh, tangency: Tangency, tighter: Array | None
 ) -> OnMesh:
-    """The fastest motion on a mesh with ṡ² = ``ends`` at start and goal.
+    """The fastest motion on a mesh.
 
     ``tighter``: by how much the bounds of all rows, in the order of ``PathRows.owners``, are moved
     inwards in each cell, (N, owners). Raises Unattainable where there is none, Unreachable or
@@ -68,18 +64,18 @@ def fastest_on_mesh(
     """
     code = None if rows.function.address is None else compiled()
     if code is None:
-        return by_arrays(rows, mesh, tangency, ends, tighter)
+        return by_arrays(rows, mesh, tangency, tighter)
     n, curve = len(mesh.nodes) - 1, mesh.path.stacked
     others = rows.others(mesh.ends, tangency.halfway) if len(rows.curved) else None
     more = None if others is None else np.stack(list(vars(others).values()))
     number = 0 if others is None else others.alpha.shape[1]
     sizes = n, len(rows.sides), number, curve.shape[1], len(curve), int(rows.are_convex)
-    numbers = *ends, FASTEST, SERIES, STOPPING, LONGEST, RESTING
+    numbers = *rows.ends, FASTEST, SERIES, STOPPING, LONGEST, RESTING
     arrays = [mesh.path.knots, curve, mesh.nodes, *tangency.last, more, tighter, rows.bounds]
     arrays += [INSIDE, rows.parameters]
     status, results = run(code, rows.function, sizes, numbers, arrays)
     if status == _NO_NUMBERS:
-        by_arrays(rows, mesh, tangency, ends, tighter)  # says what is the matter
+        by_arrays(rows, mesh, tangency, tighter)  # says what is the matter
     if status == _NO_MEMORY:
         raise MemoryError(f"a mesh of {n} cells")
     if status:
@@ -91,18 +87,12 @@ def fastest_on_mesh(
     return OnMesh(motion, tangency, tighter, beyond, losses)
 
 
-def by_arrays(
-    rows: PathRows,
-    mesh: PathMesh,
-    tangency: Tangency,
-    ends: tuple[float, float],
-    tighter: Array | None,
-) -> OnMesh:
+def by_arrays(rows: PathRows, mesh: PathMesh, tangency: Tangency, tighter: Array | None) -> OnMesh:
     """``fastest_on_mesh`` without ``on_mesh.c``."""
     tangents = rows.tangents(mesh.ends, tangency.last, tangency.halfway)
     if tighter is not None:
         tangents = tangents.tightened(np.repeat(tighter, 2, axis=0))
-    motion = MeshMotion.of(mesh, swept(mesh.h, tangents, *ends, convex=rows.are_convex))
+    motion = MeshMotion.of(mesh, swept(mesh.h, tangents, *rows.ends, convex=rows.are_convex))
     b, u = motion.at(INSIDE)
     beyond = rows.beyond(mesh.places(INSIDE), b.ravel(), u.ravel()).reshape(*b.shape, -1)
     return OnMesh(motion, tangency, tighter, beyond, _losses(motion, beyond))
@@ -159,13 +149,11 @@ class PathMultipliers:
     row is tightened follows from two more sweeps on the same mesh, with all that bound a little
     further out and further in: on one mesh errors of the mesh cancel.
 
-    ``on_mesh``: that motion, and where the ``rows`` were replaced by tangents. ``ends``: ṡ² at
-    start and goal.
+    ``on_mesh``: that motion, and where the ``rows`` were replaced by tangents.
     """
 
     rows: PathRows
     on_mesh: OnMesh
-    ends: tuple[float, float]
 
     def of_rows(self) -> Array:
         """By what share the duration grows per unit by which the bound of each normalised row is
@@ -192,5 +180,5 @@ class PathMultipliers:
         found, mesh = self.on_mesh, self.on_mesh.motion.mesh
         moved = by if found.tighter is None else found.tighter + by
         tighter = np.broadcast_to(moved, (len(mesh.h), len(by)))
-        same = fastest_on_mesh(self.rows, mesh, found.tangency, self.ends, tighter)
+        same = fastest_on_mesh(self.rows, mesh, found.tangency, tighter)
         return log(same.motion.duration)

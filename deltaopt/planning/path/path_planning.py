@@ -47,8 +47,9 @@ _TOUCHED = 1e-9
 _BLENDS = (0.499, 0.1, 0.01, 0.001)
 """Where corners begin to be rounded, as shares of the shortest leg: long roundings are driven
 faster, short ones stay closer to the path."""
-_OF_ROOM = 0.9
-"""Share of the distance from all bodies at a corner, within which motions pass it."""
+OF_ROOM = (0.9, 0.0)
+"""Shares of the distance from all bodies at a corner, within which motions pass it, one after the
+other: at last at the corner itself."""
 _NEAREST = 1e-5
 """m, within which no corner is passed: bodies that leave less are passed at the corner itself."""
 
@@ -75,15 +76,14 @@ def fastest_on_path(scene: Scene, tolerance: float, report: Progress) -> Plan:
     """
     task = scene.task
     assert isinstance(task, OnPath)
-    first, last = task.rates
-    timing = PathTiming(PathRows(scene), (first**2, last**2), tolerance, report)
+    timing = PathTiming(PathRows(scene), tolerance, report)
     planned = _slowed if task.is_at_rest else _held
     trajectory, gap, on_mesh = planned(scene, timing)
     _require_positions(scene, trajectory)
     if trajectory.duration < scene.least_duration:
         trajectory = _waiting(scene, task, trajectory)
         gap = 0.0  # nothing is faster than what rotation takes
-    of_rows = PathMultipliers(timing.rows, on_mesh, timing.ends).of_rows
+    of_rows = PathMultipliers(timing.rows, on_mesh).of_rows
     return Plan(
         scene=scene,
         trajectory=trajectory,
@@ -99,13 +99,13 @@ def fastest_on_path(scene: Scene, tolerance: float, report: Progress) -> Plan:
 
 
 def roughly_on_path(scene: Scene, tolerance: float) -> Trajectory:
-    """The fastest motion from rest to rest on the path of a scene's task as a mesh has it, between
-    whose points it may exceed limits. ``tolerance``: for which the mesh is fine enough.
+    """The fastest motion on the path of a scene's task as a mesh has it, between whose points it
+    may exceed limits. ``tolerance``: for which the mesh is fine enough.
 
     Raises Infeasible where no motion on the path keeps the limits, Unreachable and Singular where
     the path leads out of the workspace.
     """
-    timing = PathTiming(PathRows(scene), (0.0, 0.0), tolerance, lambda _: None)
+    timing = PathTiming(PathRows(scene), tolerance, lambda _: None)
     found, _ = timing.fastest(_SHARES[0])
     return _on_mesh(scene, found)
 
@@ -181,21 +181,16 @@ def _require_positions(scene: Scene, trajectory: Trajectory) -> None:
         raise Infeasible(f"the path: {place} {constraints.label(worst)} is beyond its limit")
 
 
-def near_corners(scene: Scene, corners: Array) -> Scene:
-    """The scene with via points at all corners but its ends, (n, 3), m, each as wide as bodies
-    leave room."""
+def near_corners(scene: Scene, corners: Array, of_room: float) -> Scene:
+    """The scene with via points at all corners but its ends, (n, 3), m, each as wide as a share of
+    the room that bodies leave: none of it for exactly these corners."""
     distances, _ = signed_distances(problem_of(scene), corners[1:-1])
-    room = _OF_ROOM * (distances - limits_of(scene).least_distances).min(axis=1)
+    room = of_room * (distances - limits_of(scene).least_distances).min(axis=1)
     via = [
         {"at": place, "within": within} if within > _NEAREST else place
         for place, within in zip(corners[1:-1].tolist(), room.tolist(), strict=True)
     ]
     return scene.model_copy(update={"via": via})
-
-
-def through_corners(scene: Scene, corners: Array) -> Scene:
-    """The scene with via points exactly at these corners."""
-    return scene.model_copy(update={"via": corners[1:-1].tolist()})
 
 
 def fastest_along(scene: Scene, corners: Array, tolerance: float) -> Plan | None:

@@ -70,6 +70,7 @@ class PathRows:
 
     ``path``: at whose beginning it is seen whether rows are affine. ``sides``: whether each row has
     a lower and an upper bound, (rows, 2). ``curved``: indices of those that are not affine in u.
+    ``ends``: ṡ² at start and goal.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -81,6 +82,7 @@ class PathRows:
         functions, constraints = self.model.functions, self.limits.constraints
         assert isinstance(scene.task, OnPath)
         self.path, self.curved = scene.task.path, _curved(functions, constraints)
+        self.ends = tuple(rate**2 for rate in scene.task.rates)
         for row in kept_rows(constraints)[self.curved].tolist():
             if constraints.sides[row, 0]:
                 name = constraints.label(row)

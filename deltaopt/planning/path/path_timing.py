@@ -45,14 +45,13 @@ _CHANGE = 0.1
 
 @dataclass
 class PathTiming:
-    """Times the path of rows as fast as they allow, between given ṡ² at its ``ends``.
+    """Times the path of rows as fast as they allow.
 
     ``tolerance``: relative gap of the duration. ``report``: is called with a line of text after
     every mesh. ``meshes``: how many were solved so far.
     """
 
     rows: PathRows
-    ends: tuple[float, float]
     tolerance: float
     report: Callable[[str], None]
     meshes: int = field(default=0, init=False)
@@ -143,7 +142,7 @@ class PathTiming:
     def _on(self, mesh: PathMesh, tangency: Tangency, tighter: Array | None = None) -> OnMesh:
         """The fastest motion on a mesh, and what it does between nodes."""
         try:
-            found = fastest_on_mesh(self.rows, mesh, tangency, self.ends, tighter)
+            found = fastest_on_mesh(self.rows, mesh, tangency, tighter)
         except Unattainable as error:
             raise Infeasible(self._obstacle(mesh, error.node)) from None
         self.meshes += 1

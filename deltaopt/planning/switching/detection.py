@@ -17,6 +17,7 @@ from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.switching.structure import (
     INACTIVE,
+    SIMULTANEOUS,
     ActiveLimits,
     MotorArc,
     Signs,
@@ -27,9 +28,6 @@ from deltaopt.planning.switching.structure import (
     without_short_arcs,
 )
 
-_SIMULTANEOUS = 2e-4
-"""Fraction of the duration: switches detected closer to each other become one. A larger value loses
-short arcs, a smaller one leaves arcs that are only noise of the mesh."""
 _POSITION = 0.999
 """Row of a position limit from which on it counts as active, everywhere in an interval. Positions
 come to a limit with zero velocity, so that they are near it long before they are at it."""
@@ -113,8 +111,8 @@ def detect_structure(
     for k in range(m):
         arcs = _without_blur(ends, control[:, k], mean[:, k], complete, settings.widest)
         motors.append(_with_states(ends, arcs, states[:, k], contacts[k]))
-    structure = assembled(motors, _SIMULTANEOUS)
-    return without_short_arcs(structure, ends, mean, settings.widest, _SIMULTANEOUS)
+    structure = assembled(motors, SIMULTANEOUS)
+    return without_short_arcs(structure, ends, mean, settings.widest)
 
 
 def _active(

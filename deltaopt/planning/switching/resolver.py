@@ -112,11 +112,8 @@ class SwitchResolver:
     @property
     def _held(self) -> Truths:
         """Which rows of all limits are of those that arcs can hold, (rows,)."""
-        slices, kept = self.all_rows.constraints.slices, self.scaling.kept or ()
-        held = np.zeros(self.all_rows.constraints.number, bool)
-        for i, rows in enumerate(slices):
-            held[rows] = i in kept
-        return held
+        constraints, kept = self.all_rows.constraints, self.scaling.kept or ()
+        return constraints.of_rows([i in kept for i in range(len(constraints.items))], np.bool)
 
     def _barriers(self, structure: SwitchingStructure) -> tuple[float, ...]:
         """Without one first; then with, where there is anything to be kept within limits."""

@@ -31,6 +31,9 @@ SignsByOrder = tuple[int, int]
 VANISHED = 1e-5
 """Length, as a fraction of the duration, below which an arc is left out. A larger value loses arcs
 that are really there, a smaller one keeps arcs that make the system singular."""
+SIMULTANEOUS = 2e-4
+"""Fraction of the duration: switches detected closer to each other become one. A larger value loses
+short arcs, a smaller one leaves arcs that are only noise of the mesh."""
 _SAME = 1e-9
 """Difference of two times, as a fraction of the duration, that is rounding."""
 _CLEAR = 0.1
@@ -250,27 +253,21 @@ def _determined(arc: Arc) -> Arc:
 
 
 def without_short_arcs(
-    structure: SwitchingStructure,
-    ends: Array,
-    control: Array,
-    widest: int,
-    simultaneous: float,
+    structure: SwitchingStructure, ends: Array, control: Array, widest: int
 ) -> SwitchingStructure:
     """The structure without arcs of ``widest`` intervals at most on which fewer limits are active
     than around, or more than there are motors.
 
-    ``ends``: of the intervals, (N + 1,), and ``simultaneous``: difference of switches that are one;
-    both fractions of the duration. ``control``: mean control rows in the intervals, (N, m).
+    ``ends``: of the intervals, (N + 1,), fractions of the duration. ``control``: mean control rows
+    in the intervals, (N, m).
     """
-    to = np.cumsum(structure.lengths)
-    begin, kept = to - structure.lengths, _kept(structure, ends, widest)
+    kept = _kept(structure, ends, widest)
     beginnings, limits = [0.0], [structure.limits[kept[0]]]
     for a, c in pairwise(kept):
-        gap = (float(to[a]), float(begin[c]))
         now = list(structure.limits[a])
-        for k, instant in _changes(structure, (a, c), _jump(structure, (a, c), gap, ends, control)):
+        for k, instant in _changes(structure, (a, c), _jump(structure, (a, c), ends, control)):
             now[k] = structure.limits[c][k]
-            if instant - beginnings[-1] > simultaneous:
+            if instant - beginnings[-1] > SIMULTANEOUS:
                 beginnings.append(instant)
                 limits.append(tuple(now))
             else:
@@ -317,14 +314,12 @@ def _changes(
 
 
 def _jump(
-    structure: SwitchingStructure,
-    arcs: tuple[int, int],
-    gap: tuple[float, float],
-    ends: Array,
-    control: Array,
+    structure: SwitchingStructure, arcs: tuple[int, int], ends: Array, control: Array
 ) -> float:
     """When controls come to or leave their limits between two kept arcs, from their means in the
     intervals of the gap and those next to it; the middle of the gap if they do not say."""
+    to, (a, c) = np.cumsum(structure.lengths), arcs
+    gap = float(to[a]), float((to - structure.lengths)[c])
     first, last = (int(np.searchsorted(ends, t - _SAME)) for t in gap)
     length = gap[1] - gap[0]
     if first == last:

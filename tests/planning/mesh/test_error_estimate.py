@@ -65,6 +65,7 @@ def test_what_a_ramp_loses(kind, lost):
 
 
 MESH = np.array([0.5, 0.2, 0.3])
+SHORTEST, TIGHTENED = np.full((2, 3), [[5e-5], [4e-3]])
 
 
 def lost(*unused: float, exceeded: tuple[float, ...] = (0, 0, 0)) -> ErrorEstimate:
@@ -74,12 +75,12 @@ def lost(*unused: float, exceeded: tuple[float, ...] = (0, 0, 0)) -> ErrorEstima
 def test_loss_falls_with_the_square_of_the_length():
     """Four times an interval's share: two halves, each a quarter of the loss."""
     share = 1e-3 / 3
-    finer = refined(MESH, lost(4 * share, 0, 0.9 * share), 1e-3)
+    finer = refined(MESH, lost(4 * share, 0, 0.9 * share), 1e-3, SHORTEST, TIGHTENED)
     np.testing.assert_allclose(finer, [0.25, 0.25, 0.2, 0.3])
 
 
 def test_intervals_at_a_body_and_beside_it_are_split():
     """In proportion to what is lost there: beside a sharp edge that falls with the length."""
     at_bodies = ErrorEstimate(np.zeros(3), np.zeros(3), np.array([0.0, 0.0, 1e-3]))
-    finer = refined(MESH, at_bodies, 1e-3)
+    finer = refined(MESH, at_bodies, 1e-3, SHORTEST, TIGHTENED)
     np.testing.assert_allclose(finer, [0.5, *3 * [0.2 / 3], *3 * [0.1]])

@@ -238,7 +238,7 @@ def test_one_call_for_a_mesh_is_what_arrays_do(monkeypatch):
         n = 2 * len(mesh.h)
         state = rng.uniform(1.0, 4.0, n), rng.normal(size=n)
         tighter = rng.uniform(0.0, 0.1, (len(mesh.h), len(rows.owners)))
-        given = (rows, mesh, on_mesh.Tangency(state, state), (0.0, 0.0), tighter)
+        given = (rows, mesh, on_mesh.Tangency(state, state), tighter)
         quick, slow = on_mesh.fastest_on_mesh(*given), on_mesh.by_arrays(*given)
         np.testing.assert_allclose(quick.motion.speeds.b, slow.motion.speeds.b, rtol=1e-9)
         np.testing.assert_allclose(quick.motion.durations, slow.motion.durations, rtol=1e-9)

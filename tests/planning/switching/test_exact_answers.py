@@ -153,7 +153,8 @@ def meshes(line):
     for _ in range(3):
         motion, lost = line.on_mesh(mesh, guess)
         found.append((mesh, motion, lost))
-        mesh, guess = refined(mesh, lost, lost.total / 10, most=4), motion
+        tightened = np.full(len(mesh), 4e-3)
+        mesh, guess = refined(mesh, lost, lost.total / 10, mesh / 4, tightened), motion
     return found
 
 
