@@ -192,10 +192,12 @@ def _time_to_wait_in(scene: Scene, motion: Trajectory) -> float | None:
 
 
 def far_and_near(starts: Sequence[Beginning], together: int) -> Iterator[tuple[Beginning, bool]]:
-    """Where to begin, and whether that is near: first far from the limits, then near them on
-    the guess's own mesh, for a motion that is hardly slower than the fastest is at them."""
-    yield from ((start, False) for start in starts)
+    """Where to begin, and whether that is near: from each far from the limits, and then near them
+    on the guess's own mesh, for a motion that is hardly slower than the fastest is at them, and one
+    that was solved to be compared is best there. The next one may lead to another, poorer valley.
+    """
     for start in starts:
+        yield start, False
         yield replace(start, mesh=own_mesh(start.guess, 1, together)), True
 
 

@@ -73,7 +73,7 @@ first meshes take 60 to 200 iterations."""
 _CREEPING = 180
 """Iterations from a near guess where Coulomb friction is softer: reversals drift along a flat
 valley. Other beginnings would creep through it once more, from farther away."""
-_ALONG_A_VALLEY = 2000
+_ALONG_A_VALLEY = 8000
 """Iterations from a far guess of little effort: motions that wait where little torque holds the
 arms are reached along a curved valley. Of 88 motions in 1.2 to 11.5 times the fastest one's
 duration 15 cost 1.9 to 5.6 times as much with 60, for the method then found another motion."""
@@ -193,8 +193,8 @@ class FlatProblem:
         begins: tuple[Settings, ...] = _FROM_NEAR if guess.near else _FROM_FAR
         if guess.is_trial and not scaling.problem.is_at_rest:
             begins = _FOR_TRIAL
-        elif self.cost.running and not guess.near:
-            begins = replace(FAR, iterations=_ALONG_A_VALLEY), *_FROM_FAR[1:]
+        elif self.cost.running:
+            begins = replace(begins[0], iterations=_ALONG_A_VALLEY), *begins[1:]
         elif guess.near and scaling.softening is not None:
             begins = replace(NEAR, iterations=_CREEPING), *_FROM_NEAR[1:]
         if guess.multipliers is not None:
