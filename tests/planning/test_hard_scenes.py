@@ -96,10 +96,13 @@ def test_both_ends_of_a_wall_are_looked_at():
 
 
 def test_another_way_is_tried_after_a_laborious_plan():
-    """One of its plans is a local minimum, a third of a percent longer. From other numbers of
-    intervals all plans may be the same."""
-    found = plan(hard_scene("29_min_massless"), intervals=13)
-    assert found.duration < 15.62 * (1 + 2e-3)  # the best of ten starts takes 15.621 s
+    """One of its plans is a local minimum, a third of a percent longer. From some numbers of
+    intervals, others on each processor, all plans are the same."""
+    for intervals in (16, 20, 13):
+        found = plan(hard_scene("29_min_massless"), intervals=intervals)
+        assert found.duration < 15.62 * (1 + 2e-3)  # the best of ten starts takes 15.621 s
+        if len(found.optima) > 1:
+            break
     assert found.optima[0].duration == found.duration
     assert found.optima[1].duration > found.duration * (1 + 2 * found.optima[1].gap)
     assert sum(each.starts for each in found.optima) > 2

@@ -23,6 +23,7 @@ import numpy as np
 
 from deltaopt.errors import NO_PLAN, if_possible
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
+from deltaopt.planning.cycles.filled_periods import filled_periods
 from deltaopt.planning.cycles.priced_legs import SPARED, PricedLegs, Round
 from deltaopt.planning.cycles.prices import broyden
 from deltaopt.planning.cycles.refusals import (
@@ -41,6 +42,11 @@ _MOST_ROUNDS = 30
 _PATIENCE, _LESS = 6, 0.9
 """After how many rounds in which the gap did not fall to this share of what it was no more are
 made: where legs are known no better, as with friction."""
+_CHEAPEST = 1e-9
+"""Price of time below which it is not known how long legs of little effort take."""
+_POOR = 1e-2
+"""Gap above which a least period is looked for among cycles whose legs fill it: where the best legs
+are hotter in less time and in more, no prices lead to them."""
 _NARROWLY, _HOPELESS = 8, 20
 """After how many rounds of which none kept all limits twice as much is spared in each as in the one
 before, for legs that hardly keep them may leap, as with friction; and after how many, without any
@@ -90,6 +96,7 @@ def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePla
         sought, prices = sought.near_least(fastest, shortest)
         near = sought.with_waits(replace(shortest, cycle=cycle))
         best = sought.slowed(near)
+        tried += [best] if best else []
     slopes = np.eye(len(prices))
     afresh, last_kept = True, 1
     for number in range(2, _MOST_ROUNDS + 1):
@@ -114,7 +121,8 @@ def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePla
         waits = cycle.period is None and best is not None and best.dwells != cycle.least_dwells
         patience = 2 * _PATIENCE if waits else _PATIENCE
         done = gap <= tolerance or (len(gaps) > patience and gap > _LESS * gaps[-1 - patience])
-        if (done and afresh) or (best is None and number > _HOPELESS):
+        is_hopeless = sought.time(prices) < _CHEAPEST or (best is None and number > _HOPELESS)
+        if (done and afresh) or is_hopeless:
             break
         afresh = done or waits  # legs that linger where they are cool are near no others
         last_kept = last_kept if kept is None else number
@@ -132,12 +140,14 @@ def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePla
         if shortest is not None:
             require_long_enough(cycle, shortest, 0.0)
         raise too_hot(found, sought.limits)
-    if gap > tolerance:
-        spread = sought.spread(best)
-        if spread and sought.value(spread) < sought.value(best):
-            best, bound = spread, sought.bound(rounds, [*tried, spread])
-            gap = _above(sought.value(best), bound)
-            tell(f"legs that fill the period: {spread.in_words}")
+    if gap > (_POOR if cycle.period is None else tolerance):
+        tried += filled_periods(sought, best, fastest.period)
+        best = sought.exchanged(
+            min(filter(sought.is_kept, [best, *tried]), key=sought.value), tried
+        )
+        bound = sought.bound(rounds, tried)
+        gap = _above(sought.value(best), bound)
+        tell(f"legs that fill the period: {best.in_words}")
     require_rides(best)
     saved = sought.gained(rounds[-1].prices, best)
     return replace(best, gap=max(0.0, gap), prices=saved, rounds=number)

@@ -21,6 +21,7 @@ from deltaopt.errors import (
 from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.motion.running_cost import squared_torques
 from deltaopt.motion.time_scaling import safe_factor
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.cycles.prices import next_prices
 from deltaopt.planning.plan import Plan
@@ -28,7 +29,7 @@ from deltaopt.planning.planner import Planner
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.cycle import Cycle
 from deltaopt.scene.known_limits import limits_of
-from deltaopt.scene.objective import Effort, Objective, TimeAndEfforts
+from deltaopt.scene.objective import Objective, TimeAndEfforts
 
 _LEGS_SHARE, _LEGS_NEAR_LEAST = 0.5, 0.05
 """Of the tolerance: the gap of each leg. The rest is for prices that are not quite right. Near the
@@ -56,7 +57,7 @@ _DIGITS = 12
 _WAITS = 9
 """How many factors are tried by which legs are slowed: what is left of a given period is waited,
 and in a free one until the motors are cool."""
-_SLOWEST, _USED_UP, _TRIALS = 20.0, 1e-7, 40
+_SLOWEST, USED_UP, _TRIALS = 20.0, 1e-7, 40
 """Most by which legs are slowed so that motors stay cool; how much they are left cooler than that,
 or a given period is left; and how many factors are tried."""
 _NOTHING = 1e-9
@@ -200,8 +201,8 @@ class PricedLegs:
         factor, last = 1.0, (0.0, 0.0)
         for _ in range(_TRIALS):
             slower = _slower(factor, found)
-            over = float(np.log(slower.squares / (self.limits * slower.period)).max()) + _USED_UP
-            if -_USED_UP < over < 0.9 * _USED_UP or (over < 0 and factor == 1):
+            over = float(np.log(slower.squares / (self.limits * slower.period)).max()) + USED_UP
+            if -USED_UP < over < 0.9 * USED_UP or (over < 0 and factor == 1):
                 return factor
             slope = (over - last[1]) / (np.log(factor) - last[0]) if last[1] else -4.0
             last = np.log(factor), over
@@ -209,18 +210,6 @@ class PricedLegs:
             if factor > _SLOWEST:
                 break
         return _SLOWEST
-
-    def spread(self, found: CyclePlan) -> CyclePlan | None:
-        """A cycle in a given period whose legs take all of it, each with the least effort in its
-        share: a price of time that is not negative makes none as long. None where legs end moving,
-        and where there is no such motion."""
-        if self.cycle.period is None or any(leg.moves_at_ends for leg in self.cycle.legs):
-            return None
-        left = (self.cycle.period - self.dwelt) * (1 - _USED_UP)
-        durations = left * found.durations / found.durations.sum()
-        objectives = [Effort(duration=float(each)) for each in durations]
-        spread = if_possible(NO_PLAN, self.planned, objectives, None)
-        return spread if spread and self.is_kept(spread) else None
 
     def exchanged(self, best: CyclePlan, tried: list[CyclePlan]) -> CyclePlan:
         """A cycle that is better than the ``best`` by legs of others that were tried: where the
@@ -272,7 +261,7 @@ class PricedLegs:
             cooled = {k: np.maximum(self.limits - each, _NOTHING) for k, each in held.items()}
             waits = {k: float((over / each).max()) for k, each in cooled.items()}
             least = min(waits, key=waits.__getitem__)
-            dwells[least] += waits[least] * (1 + _USED_UP)
+            dwells[least] += waits[least] * (1 + USED_UP)
         return replace(found, dwells=tuple(dwells))
 
     def value(self, found: CyclePlan) -> float:
@@ -387,4 +376,12 @@ def _slower(factor: float, found: CyclePlan) -> CyclePlan:
     if factor == 1:
         return found
     slowed = ((leg, leg.trajectory.slowed(factor)) for leg in found.legs)
-    return replace(found, legs=tuple(replace(leg, trajectory=slower) for leg, slower in slowed))
+    return replace(found, legs=tuple(_along(leg, slower) for leg, slower in slowed))
+
+
+def _along(leg: Plan, motion: Trajectory) -> Plan:
+    """A leg with another motion, whose duration is the given one where its scene gives one."""
+    scene, objective = leg.scene, leg.scene.objective
+    if objective.given_duration is not None:
+        scene = scene.model_copy(update={"objective": objective.alone(motion.duration)})
+    return replace(leg, scene=scene, trajectory=motion)

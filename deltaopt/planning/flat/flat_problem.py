@@ -193,7 +193,7 @@ class FlatProblem:
         begins: tuple[Settings, ...] = _FROM_NEAR if guess.near else _FROM_FAR
         if guess.is_trial and not scaling.problem.is_at_rest:
             begins = _FOR_TRIAL
-        elif self.cost.running:
+        elif self.cost.duration_is_given:
             begins = replace(begins[0], iterations=_ALONG_A_VALLEY), *begins[1:]
         elif guess.near and scaling.softening is not None:
             begins = replace(NEAR, iterations=_CREEPING), *_FROM_NEAR[1:]
