@@ -321,6 +321,28 @@ def test_motors_cool_in_a_wait_where_no_speed_keeps_them_cool():
     assert found.period < 1.01 * 1.3775
 
 
+def test_slow_legs_cool_motors_sooner_than_a_wait_near_their_limits():
+    """No prices lead to these legs, for longer ones are hotter: the cycle waited 6.6 s of 8.2 s."""
+    robot = Robot(
+        name="long arms",
+        base_radius=0.38054,
+        platform_radius=0.019215,
+        upper_arm={"length": 0.74572, "mass": 2.0317},
+        forearm={"length": 2.50095, "mass": 2.6752},
+        platform={"mass": 7.412},
+        drive={"torque": (106.92, 119.8, 175.84)},
+    )
+    here, there = (2.17683, -0.26165, -0.77922), (2.66329, 0.09588, -0.74486)
+    legs = (
+        Scene(robot=robot, payload=(2.6228, 13.1139), start=here, goal=there),
+        Scene(robot=robot, start=there, goal=here),
+    )
+    found = plan_cycle(Cycle(legs=legs, rms_torque=(55.4, 53.43, 89.31)), tolerance=3e-2)
+    assert verified(found).failures() == []
+    assert found.period < 2.6
+    assert found.dwells == (0.0, 0.0)
+
+
 def test_legs_that_end_moving_and_hardly_keep_their_limits_are_planned():
     """Under friction both legs leap from one motion to another as prices change, to and fro about
     the limits, which no round kept by a thousandth, and the cycle was refused."""

@@ -164,6 +164,26 @@ def test_a_long_motion_with_ramps_waits_too(limits):
     assert 1 - 1e-3 < ramped.cost / free.cost < 1.05
 
 
+@pytest.mark.parametrize("payload", [0.547, (0.109, 0.547)], ids=["one", "range"])
+@pytest.mark.parametrize(("duration", "most"), [(0.65, 2.2), (1.1, 1.9)])
+def test_little_effort_is_not_lost_in_another_valley(payload, duration, most):
+    """The arms swing aside, to where they are light: the other way round they need 5 N²m²s."""
+    robot = deltaopt.Robot(
+        name="short forearms",
+        base_radius=0.19984,
+        platform_radius=0.10659,
+        upper_arm={"length": 0.18476, "mass": 0.51147},
+        forearm={"length": 0.2765, "mass": 0.22352},
+        platform={"mass": 0.31884},
+        drive={"torque": (3.682, 5.433, 2.707)},
+    )
+    start, goal = (0.16312, -0.06205, 0.04563), (0.24366, -0.16966, -0.12254)
+    scene = Scene(robot=robot, payload=payload, start=start, goal=goal)
+    found = plan(in_time(duration, scene), tolerance=5e-3)
+    assert verify(found.scene, found.trajectory).failures() == []
+    assert found.cost < most
+
+
 def test_a_long_motion_waits_where_little_torque_holds_it():
     """It is settled, keeps its limits, and costs little more than a shorter one."""
     empty, duration, less = PICK.model_copy(update={"payload": None}), 6, 1

@@ -149,8 +149,9 @@ def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePla
         gap = _above(sought.value(best), bound)
         tell(f"legs that fill the period: {best.in_words}")
     require_rides(best)
-    saved = sought.gained(rounds[-1].prices, best)
-    return replace(best, gap=max(0.0, gap), prices=saved, rounds=number)
+    if gap <= _POOR:  # else prices do not tell what more torque would save
+        best = replace(best, prices=sought.gained(rounds[-1].prices, best))
+    return replace(best, gap=max(0.0, gap), rounds=number)
 
 
 def _above(cost: float, bound: float) -> float:

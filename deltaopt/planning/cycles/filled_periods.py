@@ -6,37 +6,30 @@ is less elsewhere. Their durations are given here instead.
 
 from __future__ import annotations
 
-import numpy as np
-
-from deltaopt.curves.halving import bisected_number
 from deltaopt.errors import NO_PLAN, if_possible
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.cycles.priced_legs import USED_UP, PricedLegs
 from deltaopt.scene.objective import Effort
 
-_HALVINGS = 6
-"""Of the ratio of a period that is known to one that is too short."""
+_LONGER, _MOST = 1.15, 10
+"""By what factor one period is longer than the one before, and how many there are at most."""
 
 
 def filled_periods(sought: PricedLegs, best: CyclePlan, shortest: float) -> list[CyclePlan]:
     """Cycles that wait no longer than they have to, with legs that last in proportion to those of
-    the ``best``: in the given period, or in periods that are halved between one that is too short,
-    s, and that of the best. None where legs end moving."""
+    the ``best``: in the given period, or in longer and longer ones than one that is too short, s,
+    until motors stay cool or the best is no longer. None where legs end moving."""
     cycle, found = sought.cycle, list[CyclePlan]()
     if any(leg.moves_at_ends for leg in cycle.legs):
         return found
-
-    def is_kept(logarithm: float) -> bool:
-        left = (float(np.exp(logarithm)) - sought.dwelt) * (1 - USED_UP)
-        durations = left * best.durations / best.durations.sum()
+    longer = (shortest * _LONGER**k for k in range(1, _MOST + 1))
+    periods = [cycle.period] if cycle.period else [p for p in longer if p < best.period]
+    for period in periods:
+        durations = (period - sought.dwelt) * (1 - USED_UP) * best.durations / best.durations.sum()
         objectives = [Effort(duration=float(each)) for each in durations]
         filled = if_possible(NO_PLAN, sought.planned, objectives, None)
-        found.extend([filled] if filled else [])
-        return filled is not None and sought.is_kept(filled)
-
-    if cycle.period is None:
-        low, high = np.log([shortest, best.period]).tolist()
-        bisected_number(is_kept, low, high, _HALVINGS)
-    else:
-        is_kept(float(np.log(cycle.period)))
+        if filled is not None:
+            found.append(filled)
+            if sought.is_kept(filled):
+                break
     return found
