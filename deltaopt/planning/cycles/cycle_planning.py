@@ -42,8 +42,8 @@ _MOST_ROUNDS = 30
 _PATIENCE, _LESS = 6, 0.9
 """After how many rounds in which the gap did not fall to this share of what it was no more are
 made: where legs are known no better, as with friction."""
-_CHEAPEST = 1e-9
-"""Price of time below which it is not known how long legs of little effort take."""
+_MOST_WEIGHT = 1e10
+"""Of squared torques beside time, 1/(N²m²): with more it is not known how long legs take."""
 _POOR = 1e-2
 """Gap above which a least period is looked for among cycles whose legs fill it: where the best legs
 are hotter in less time and in more, no prices lead to them."""
@@ -121,7 +121,8 @@ def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePla
         waits = cycle.period is None and best is not None and best.dwells != cycle.least_dwells
         patience = 2 * _PATIENCE if waits else _PATIENCE
         done = gap <= tolerance or (len(gaps) > patience and gap > _LESS * gaps[-1 - patience])
-        is_hopeless = sought.time(prices) < _CHEAPEST or (best is None and number > _HOPELESS)
+        is_cheap = sought.time(prices) * _MOST_WEIGHT < sought.motors(prices).max()
+        is_hopeless = is_cheap or (best is None and number > _HOPELESS)
         if (done and afresh) or is_hopeless:
             break
         afresh = done or waits  # legs that linger where they are cool are near no others
