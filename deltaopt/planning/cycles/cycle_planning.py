@@ -141,11 +141,13 @@ def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePla
         if shortest is not None:
             require_long_enough(cycle, shortest, 0.0)
         raise too_hot(found, sought.limits)
-    if gap > (_POOR if cycle.period is None else tolerance):
-        tried += filled_periods(sought, best, fastest.period)
-        best = sought.exchanged(
-            min(filter(sought.is_kept, [best, *tried]), key=sought.value), tried
-        )
+    periods = fastest.period, best.period
+    for like in (best, fastest):
+        if gap <= (_POOR if cycle.period is None else tolerance):
+            break
+        tried += filled_periods(sought, like.durations, *periods)
+        kept_ones = filter(sought.is_kept, [best, *tried])
+        best = sought.exchanged(min(kept_ones, key=sought.value), tried)
         bound = sought.bound(rounds, tried)
         gap = _above(sought.value(best), bound)
         tell(f"legs that fill the period: {best.in_words}")

@@ -6,6 +6,7 @@ is less elsewhere. Their durations are given here instead.
 
 from __future__ import annotations
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import NO_PLAN, if_possible
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.cycles.priced_legs import USED_UP, PricedLegs
@@ -15,17 +16,19 @@ _LONGER, _MOST = 1.15, 10
 """By what factor one period is longer than the one before, and how many there are at most."""
 
 
-def filled_periods(sought: PricedLegs, best: CyclePlan, shortest: float) -> list[CyclePlan]:
-    """Cycles that wait no longer than they have to, with legs that last in proportion to those of
-    the ``best``: in the given period, or in longer and longer ones than one that is too short, s,
-    until motors stay cool or the best is no longer. None where legs end moving."""
+def filled_periods(
+    sought: PricedLegs, shares: Array, shortest: float, longest: float
+) -> list[CyclePlan]:
+    """Cycles that wait no longer than they have to, whose legs last in proportion to their
+    ``shares``, (legs,): in the given period, or in longer and longer ones between two, s, until
+    motors stay cool. None where legs end moving."""
     cycle, found = sought.cycle, list[CyclePlan]()
     if any(leg.moves_at_ends for leg in cycle.legs):
         return found
     longer = (shortest * _LONGER**k for k in range(1, _MOST + 1))
-    periods = [cycle.period] if cycle.period else [p for p in longer if p < best.period]
+    periods = [cycle.period] if cycle.period else [p for p in longer if p < longest]
     for period in periods:
-        durations = (period - sought.dwelt) * (1 - USED_UP) * best.durations / best.durations.sum()
+        durations = (period - sought.dwelt) * (1 - USED_UP) * shares / shares.sum()
         objectives = [Effort(duration=float(each)) for each in durations]
         filled = if_possible(NO_PLAN, sought.planned, objectives, None)
         if filled is not None:
