@@ -30,12 +30,15 @@ from deltaopt.scene.objective import (
     TimeAndJerk,
     TimeAndTorqueRate,
 )
+from studies.bench.hard_moves import robot_of
 from studies.keep_out.other_ways import past_obstacle
 from tests.planning.switching.test_exact_answers import Line, UnitMass, solved_on
 
 EFFORT = Cost(time=0.0, running=1.0, duration_is_given=True)
 PICK = load_scene("problems/pick_and_place.yaml")
 CROSS = load_scene("problems/industrial_cross.yaml")
+ACROSS = Scene(robot=CROSS.robot, payload=1.0, start=(0.85, -0.15, 0.0), goal=(0.85, 0.15, 0.0))
+LONG = load_scene("problems/long_diagonal.yaml")
 LIGHT = load_scene("problems/light_and_fast.yaml")
 GENTLY = load_scene("problems/objectives/pick_and_place_gently.yaml")
 MILD = load_scene("problems/objectives/industrial_cross_mild.yaml")
@@ -168,15 +171,9 @@ def test_a_long_motion_with_ramps_waits_too(limits):
 @pytest.mark.parametrize(("duration", "most"), [(0.65, 2.2), (1.1, 1.9)])
 def test_little_effort_is_not_lost_in_another_valley(payload, duration, most):
     """The arms swing aside, to where they are light: the other way round they need 5 N²m²s."""
-    robot = deltaopt.Robot(
-        name="short forearms",
-        base_radius=0.19984,
-        platform_radius=0.10659,
-        upper_arm={"length": 0.18476, "mass": 0.51147},
-        forearm={"length": 0.2765, "mass": 0.22352},
-        platform={"mass": 0.31884},
-        drive={"torque": (3.682, 5.433, 2.707)},
-    )
+    lengths, masses = (0.18476, 0.2765), (0.51147, 0.22352, 0.31884)
+    torque = (3.682, 5.433, 2.707)
+    robot = robot_of("short forearms", (0.19984, 0.10659), lengths, masses, (torque, None))
     start, goal = (0.16312, -0.06205, 0.04563), (0.24366, -0.16966, -0.12254)
     scene = Scene(robot=robot, payload=payload, start=start, goal=goal)
     found = plan(in_time(duration, scene), tolerance=5e-3)
@@ -211,12 +208,19 @@ def test_none_is_beaten_by_one_of_another_duration():
         assert found.cost <= most or not verify(found.scene, same).ok
 
 
-@pytest.mark.parametrize("weight", [0.015, 0.04])
-def test_a_weight_of_effort_leads_where_a_given_duration_does(weight):
+@pytest.mark.parametrize(
+    ("scene", "weight", "duration"),
+    [
+        (ACROSS, 0.015, 0.55),
+        (ACROSS, 0.04, 0.55),
+        (LONG, 0.4, 0.7),
+        (LONG, 4.0, 0.71),
+    ],
+)
+def test_a_weight_of_effort_leads_where_a_given_duration_does(scene, weight, duration):
     """Slow motions go by way of a place where little torque holds the arms."""
-    scene = Scene(robot=CROSS.robot, payload=1.0, start=(0.85, -0.15, 0.0), goal=(0.85, 0.15, 0.0))
-    found = planned(scene.model_copy(update={"objective": TimeAndEffort(effort=weight)}))
-    other = planned(scene.model_copy(update={"objective": Effort(duration=0.55)}))
+    found = planned(weighted(weight, scene))
+    other = planned(in_time(duration, scene))
     assert found.cost <= (other.duration + weight * other.cost) * (1 + 1e-3)
     assert verify(found.scene, found.trajectory).ok
 

@@ -74,9 +74,10 @@ _CREEPING = 180
 """Iterations from a near guess where Coulomb friction is softer: reversals drift along a flat
 valley. Other beginnings would creep through it once more, from farther away."""
 _ALONG_A_VALLEY = 8000
-"""Iterations from a far guess of little effort: motions that wait where little torque holds the
-arms are reached along a curved valley. Of 88 motions in 1.2 to 11.5 times the fastest one's
-duration 15 cost 1.9 to 5.6 times as much with 60, for the method then found another motion."""
+"""Iterations from a guess of little effort, a far one where the duration is free: motions that wait
+where little torque holds the arms are reached along a curved valley. Of 88 motions in 1.2 to 11.5
+times the fastest one's duration 15 cost 1.9 to 5.6 times as much with 60, for the method then found
+another motion, and with 2000 some that took 5000 cost up to three times as much."""
 _EXACT, _SMOOTH = 1e-4, 0.05
 """Relative tolerance from which on the fastest motion is to be smooth where many are about as fast,
 and how much that counts, as a share of the tolerance. With less the method creeps along the valley
@@ -193,7 +194,7 @@ class FlatProblem:
         begins: tuple[Settings, ...] = _FROM_NEAR if guess.near else _FROM_FAR
         if guess.is_trial and not scaling.problem.is_at_rest:
             begins = _FOR_TRIAL
-        elif self.cost.duration_is_given:
+        elif self.cost.duration_is_given or (self.cost.running and not guess.near):
             begins = replace(begins[0], iterations=_ALONG_A_VALLEY), *begins[1:]
         elif guess.near and scaling.softening is not None:
             begins = replace(NEAR, iterations=_CREEPING), *_FROM_NEAR[1:]
