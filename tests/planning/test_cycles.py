@@ -28,6 +28,7 @@ from deltaopt.motion.running_cost import squared_torques
 from deltaopt.output.cycle_files import verified
 from deltaopt.robot.drive import Friction
 from deltaopt.scene.bodies import Body
+from studies.bench.hard_moves import robot_of
 from studies.problems import PROBLEMS
 from tests.oracles.cycle import Asked, Leg, best_cycle
 
@@ -323,15 +324,9 @@ def test_motors_cool_in_a_wait_where_no_speed_keeps_them_cool():
 
 def test_slow_legs_cool_motors_sooner_than_a_wait_near_their_limits():
     """No prices lead to these legs, for longer ones are hotter: the cycle waited 6.6 s of 8.2 s."""
-    robot = Robot(
-        name="long arms",
-        base_radius=0.38054,
-        platform_radius=0.019215,
-        upper_arm={"length": 0.74572, "mass": 2.0317},
-        forearm={"length": 2.50095, "mass": 2.6752},
-        platform={"mass": 7.412},
-        drive={"torque": (106.92, 119.8, 175.84)},
-    )
+    lengths, masses = (0.74572, 2.50095), (2.0317, 2.6752, 7.412)
+    torque = (106.92, 119.8, 175.84)
+    robot = robot_of("long arms", (0.38054, 0.019215), lengths, masses, (torque, None))
     here, there = (2.17683, -0.26165, -0.77922), (2.66329, 0.09588, -0.74486)
     legs = (
         Scene(robot=robot, payload=(2.6228, 13.1139), start=here, goal=there),

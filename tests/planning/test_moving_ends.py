@@ -633,3 +633,15 @@ def test_a_motion_back_to_its_start_past_a_body_ahead(velocity):
         "keep_out": [{"sphere": {"centre": [x, y + 0.02, z], "radius": 0.01}}],
     }
     good_plan(CROSS.model_copy(update=ends))
+
+
+def test_nobody_stops_in_two_millimetres():
+    place = CROSS.start
+    wall = {"from": [0.84, place[1] + 0.002, -0.5], "to": [0.9, place[1] + 0.01, 0.5]}
+    ends = {
+        "start": {"at": place, "velocity": (0.0, 1.0, 0.0)},
+        "goal": {"at": place, "velocity": (0.0, -1.0, 0.0)},
+        "keep_out": [{"box": wall}],
+    }
+    with pytest.raises(deltaopt.NotConverged):
+        plan(CROSS.model_copy(update=ends))

@@ -10,7 +10,8 @@ it is asked for: bodies, belts, via points. Where the period is given and the he
 time has a price as well. Where the fastest legs make motors too hot in that period, the cycle of
 least period is planned first: its legs and prices are nearer. `prices` finds those at which the
 limits are kept and nothing that is paid for is left over. Whatever they are, the sum of the legs'
-least costs bounds the cycle's from below, which tells the gap.
+least costs bounds the cycle's from below, which tells the gap. Legs that would be hotter in less
+time and in more are the best at no prices: those are given their durations (`filled_periods`).
 """
 
 from __future__ import annotations
@@ -47,6 +48,8 @@ _MOST_WEIGHT = 1e10
 _POOR = 1e-2
 """Gap above which a least period is looked for among cycles whose legs fill it: where the best legs
 are hotter in less time and in more, no prices lead to them."""
+_ALIKE = 1e-2
+"""Relative difference of the shares that legs have of a period, up to which they are the same."""
 _NARROWLY, _HOPELESS = 8, 20
 """After how many rounds of which none kept all limits twice as much is spared in each as in the one
 before, for legs that hardly keep them may leap, as with friction; and after how many, without any
@@ -121,8 +124,8 @@ def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePla
         waits = cycle.period is None and best is not None and best.dwells != cycle.least_dwells
         patience = 2 * _PATIENCE if waits else _PATIENCE
         done = gap <= tolerance or (len(gaps) > patience and gap > _LESS * gaps[-1 - patience])
-        is_cheap = sought.time(prices) * _MOST_WEIGHT < sought.motors(prices).max()
-        is_hopeless = is_cheap or (best is None and number > _HOPELESS)
+        too_dear = sought.motors(prices).max() > _MOST_WEIGHT * sought.time(prices)
+        is_hopeless = too_dear or (best is None and number > _HOPELESS)
         if (done and afresh) or is_hopeless:
             break
         afresh = done or waits  # legs that linger where they are cool are near no others
@@ -142,10 +145,11 @@ def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePla
             require_long_enough(cycle, shortest, 0.0)
         raise too_hot(found, sought.limits)
     periods = fastest.period, best.period
-    for like in (best, fastest):
+    shares = [each.durations / each.durations.sum() for each in (best, fastest)]
+    for of_legs in shares[:1] if np.allclose(shares[0], shares[1], _ALIKE) else shares:
         if gap <= (_POOR if cycle.period is None else tolerance):
             break
-        tried += filled_periods(sought, like.durations, *periods)
+        tried += filled_periods(sought, of_legs, *periods)
         kept_ones = filter(sought.is_kept, [best, *tried])
         best = sought.exchanged(min(kept_ones, key=sought.value), tried)
         bound = sought.bound(rounds, tried)

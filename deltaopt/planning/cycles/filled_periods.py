@@ -19,16 +19,16 @@ _LONGER, _MOST = 1.15, 10
 def filled_periods(
     sought: PricedLegs, shares: Array, shortest: float, longest: float
 ) -> list[CyclePlan]:
-    """Cycles that wait no longer than they have to, whose legs last in proportion to their
-    ``shares``, (legs,): in the given period, or in longer and longer ones between two, s, until
-    motors stay cool. None where legs end moving."""
+    """Cycles that wait no longer than they have to, whose legs have these ``shares`` of what is
+    left, (legs,): in the given period, or in longer and longer ones between two, s, until motors
+    stay cool. None where legs end moving."""
     cycle, found = sought.cycle, list[CyclePlan]()
     if any(leg.moves_at_ends for leg in cycle.legs):
         return found
     longer = (shortest * _LONGER**k for k in range(1, _MOST + 1))
     periods = [cycle.period] if cycle.period else [p for p in longer if p < longest]
     for period in periods:
-        durations = (period - sought.dwelt) * (1 - USED_UP) * shares / shares.sum()
+        durations = (period - sought.dwelt) * (1 - USED_UP) * shares
         objectives = [Effort(duration=float(each)) for each in durations]
         filled = if_possible(NO_PLAN, sought.planned, objectives, None)
         if filled is not None:
