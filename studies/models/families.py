@@ -33,17 +33,14 @@ class Family:
     """States of ``mechanism`` at a distance ε from a singularity.
 
     ``conditions``: (q, ε) -> ν expressions, zero at the state sought. ``guess``: roughly
-    the q at ε = 0. ``regular``: roughly a q far from any singularity. ``title``: with the
-    distance, for charts.
+    the q at ε = 0.
     """
 
     name: str
-    title: str
     mechanism: Mechanism
     parameters: Array
     conditions: Callable[[SX, SX], SX]
     guess: Array
-    regular: Array
 
 
 @dataclass(frozen=True)
@@ -73,11 +70,10 @@ class Maker:
             q -= self.exact.solve(slope, r)
         return q
 
-    def motion(self, q: Matrix, rng: np.random.Generator, *, moving: bool) -> Motion:
-        """Draw speeds, accelerations and torques of order 1, or of these only the torques."""
+    def motion(self, q: Matrix, rng: np.random.Generator) -> Motion:
+        """Draw speeds, accelerations and torques of order 1."""
         n, m = q.rows, self.family.mechanism.controls.numel()
-        scale = 1.0 if moving else 0.0
-        dq, ddq = (self.exact.matrix(scale * rng.uniform(-1, 1, n)) for _ in range(2))
+        dq, ddq = (self.exact.matrix(rng.uniform(-1, 1, n)) for _ in range(2))
         rate, J, _ = self._rates(q, dq)
         dq -= self._least(J, rate)
         _, J, bias = self._rates(q, dq)
@@ -120,35 +116,28 @@ def delta_families() -> list[Family]:
     """Return families towards serial singularities of one chain of the paper's Delta, then parallel
     ones of all."""
     mechanism, p = delta(PAPER), np.array(PAPER.values())
-    home = np.array([0.45, 0.0, 0.0, *3 * [-0.23, -2.20, 0.0]])
 
-    def family(
-        name: str, title: str, conditions: Callable[[SX, SX], SX], guess: list[float]
-    ) -> Family:
-        return Family(name, title, mechanism, p, conditions, np.array(guess), home)
+    def family(name: str, conditions: Callable[[SX, SX], SX], guess: list[float]) -> Family:
+        return Family(name, mechanism, p, conditions, np.array(guess))
 
     return [
-        family(
+        family(  # arm and bars of chain 1 in line
             "stretched",
-            "arm and bars of chain 1 in line\nε = sin(q₁₁ − q₁₂)",
             lambda q, e: ca.vertcat(ca.sin(q[3] - q[4]) - e, q[3] + 2.0, q[5] - 0.1),
             [0.6, -0.2, 0.05, -2.0, -2.0, 0.1, -0.5, -2.2, 0.3, -0.5, -2.2, -0.3],
         ),
-        family(
+        family(  # bars of chain 1 sideways
             "sideways",
-            "bars of chain 1 lie sideways\nε = cos q₁₃",
             lambda q, e: ca.vertcat(ca.cos(q[5]) - e, q[3] + 1.0, q[4] + 2.25),
             [0.17, 0.21, 0.5, -1.0, -2.25, 1.57, 0.42, -1.39, -1.04, -2.36, -3.08, -0.14],
         ),
-        family(
+        family(  # bars in one plane
             "coplanar",
-            "bars in one plane\nε = volume of their directions",
             lambda q, e: ca.vertcat(parallel_margin(q) - e, q[0] - 0.17, q[2] - 0.01),
             [0.17, 0.50, 0.01, 1.29, -0.81, 0.02, -2.10, -3.15, -1.07, -2.10, -3.15, 1.03],
         ),
-        family(
+        family(  # all bars upright, elbows inside
             "upright",
-            "all bars upright, elbows inside\nε = cos qₖ₂",
             lambda q, e: ca.cos(q[4:12:3]) - e,
             [0.673, 0.0, 0.0, *3 * [-2.094, -1.571, 0.0]],
         ),

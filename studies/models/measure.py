@@ -13,14 +13,13 @@ from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.models import TASKS as TASKS_OF
 from deltaopt.compare.dynamics.models import StateSamples, models
 from deltaopt.compare.dynamics.printed import PAPER
-from deltaopt.compare.dynamics.samples import NEAR_HOME, exact_samples
+from deltaopt.compare.dynamics.samples import exact_samples
 from deltaopt.compare.dynamics.study import TimedFunction, interleaved, operations, renamed
 from deltaopt.curves.piecewise import Array
-from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.mechanism import Mechanism
 from deltaopt.mechanisms.delta.mechanism import delta
-from studies.models import singularities as s
 from studies.models.families import delta_families
+from studies.models.singularities import METHODS, Truth, motions_into
 from studies.text_table import paragraph, table
 
 FAMILIES = {
@@ -33,14 +32,6 @@ FAMILIES = {
 TOLD = (1e-2, 1e-4, 1e-6, 1e-8, 1e-12)
 """Distances at which the digits that are left are told."""
 TASKS = {"inverse": "torques", "forward": "accelerations"}
-CHOSEN = (
-    ("L_E", "closed form", "eq. (55)"),
-    ("K, virtual work", "partition", "motor angles"),
-    ("L_E", "null space", "null space"),
-    ("L_I", "sparse QR", "multipliers, QR"),
-    ("L_I", "LAPACK LU", "multipliers, LU"),
-)
-"""Model, variant and what it is called here: at most five lines a panel."""
 TRUSTED = 1e-9
 """Relative error up to which a model is trusted."""
 
@@ -82,35 +73,31 @@ def measure(
     distances: tuple[float, ...],
 ) -> Models:
     """Measure errors at random ``motions`` a state, and costs at so many regular ``states``."""
-    exact = ManyDigits(digits)
-    families = [f for f in delta_families() if f.name in FAMILIES]
-    functions = s.Functions(families[0].mechanism)
+    exact, families = ManyDigits(digits), delta_families()
     errors, floors = {}, {}
     for i, family in enumerate(families):
-        progress(0.7 * i / len(families), family.title)
-        at = s.States.make(family, functions, exact, motions, distances)
-        for problem in s.PROBLEMS[1:]:
-            truth = s.Truth.of(at, problem, exact)
-            floors[family.name, problem.name] = truth.conditioning()
-            for model, variant, name in CHOSEN:
-                method = next(m for m in s.METHODS if (m.model, m.variant) == (model, variant))
-                errors[family.name, problem.name, name] = truth.errors(at, problem, method)
+        progress(0.7 * i / len(families), FAMILIES[family.name])
+        states_at = motions_into(family, exact, motions, distances)
+        for task in TASKS_OF:
+            truth = Truth.of(task, family, states_at, exact)
+            floors[family.name, task.name] = truth.conditioning()
+            for name, method in METHODS.items():
+                errors[family.name, task.name, name] = truth.errors(method.formulation)
     progress(0.7, "cost")
-    costs = _costs(families[0].mechanism, exact_samples(delta(PAPER), states, exact), rounds)
+    mechanism = delta(PAPER)
+    costs = _costs(mechanism, exact_samples(mechanism, states, exact), rounds)
     progress(1.0, "done")
     return Models(np.array(distances), errors, floors, costs)
 
 
 def _costs(m: Mechanism, samples: StateSamples, rounds: int) -> dict[tuple[str, str], Cost]:
-    """Count and time the chosen models in turn, interpreted and, given a compiler, compiled."""
-    partition = Partition.pivoted(s.Functions(m).jacobian(0, NEAR_HOME, PAPER.values()).full())
-    every = models(partition)
+    """Count and time the models in turn, interpreted and, given a compiler, compiled."""
+    every = {(model.name, model.variant): model for model in models()}
+    chosen = {name: every[method.model, method.variant] for name, method in METHODS.items()}
     built = {
-        (task.name, name): (task, x.build(m, task), x.compilable)
+        (task.name, name): (task, model.build(m, task), model.compilable)
         for task in TASKS_OF
-        for model, variant, name in CHOSEN
-        for x in every
-        if (x.name, x.variant) == (model, variant)
+        for name, model in chosen.items()
     }
     runs = {(key, False): TimedFunction(f, task, samples) for key, (task, f, _) in built.items()}
     named = {
@@ -136,7 +123,7 @@ def table_of(found: Models) -> str:
         )
     ]
     for task, told in TASKS.items():
-        for *_, name in CHOSEN:
+        for name in METHODS:
             cost = found.costs[task, name]
             compiled = "-" if np.isnan(cost.compiled) else f"{cost.compiled:.0f}"
             trusted = (f"{found.trusted_to(f, task, name):.0e}" for f in FAMILIES)
@@ -151,7 +138,7 @@ def digits_table(found: Models) -> str:
     rows = [("digits of", "towards", "model", *(f"{found.distances[k]:.0e}" for k in told))]
     for task, what in TASKS.items():
         for family, title in FAMILIES.items():
-            curves = {name: found.errors[family, task, name] for *_, name in CHOSEN}
+            curves = {name: found.errors[family, task, name] for name in METHODS}
             curves["(rounding of the state)"] = found.floors[family, task]
             for name, errors in curves.items():
                 digits = [digits_of(float(errors[k])) for k in told]
@@ -166,13 +153,12 @@ def digits_of(error: float) -> int:
 
 def verdict(found: Models) -> str:
     """Say which model takes the fewest operations, and which cannot be trusted near what."""
-    told, names = [], [name for *_, name in CHOSEN]
-    nearest = found.distances[-1]
+    told, nearest = [], found.distances[-1]
     for task, what in TASKS.items():
-        cheapest = min(names, key=lambda name: found.costs[task, name].operations)
+        cheapest = min(METHODS, key=lambda name: found.costs[task, name].operations)
         told.append(f"For {what} {cheapest} takes the fewest operations.")
         for family, title in FAMILIES.items():
-            reach = {name: found.trusted_to(family, task, name) for name in names}
+            reach = {name: found.trusted_to(family, task, name) for name in METHODS}
             short = [f"{n} (down to {e:.0e} only)" for n, e in reach.items() if e > nearest]
             told.append(
                 f"Towards {title} all can be trusted down to ε = {nearest:.0e}"

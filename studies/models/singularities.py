@@ -9,63 +9,24 @@ conditioning of the problem, which no method can undo; it is reported beside.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from deltaopt.compare.dynamics.many_digits import ManyDigits, Matrix
-from deltaopt.compare.dynamics.models import FORWARD, INVERSE, Computation
+from deltaopt.compare.dynamics.models import INVERSE, Computation
 from deltaopt.compare.dynamics.samples import rounded
 from deltaopt.curves.piecewise import Array
-from deltaopt.dynamics.constraint_matrix import ClosedForm, NullSpace, Partition
+from deltaopt.dynamics.constraint_matrix import ClosedForm, NullSpace
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.mechanism import Mechanism
 from deltaopt.dynamics.virtual_work import VirtualWork
+from deltaopt.mechanisms.delta.mechanism import MOTOR_ANGLES
 from studies.models.families import Family, Maker, Motion
-
-DISTANCES = (*(10.0**-k for k in range(1, 15)), 0.0)
-"""ε, at last the singularity itself."""
-
-
-@dataclass(frozen=True)
-class Problem:
-    """A computation, and whether the mechanism moves."""
-
-    name: str
-    title: str
-    task: Computation
-    moving: bool
-
-
-PROBLEMS = (
-    Problem("rest", "torques at rest", INVERSE, False),
-    Problem("inverse", "torques in motion", INVERSE, True),
-    Problem("forward", "accelerations", FORWARD, True),
-)
-
-
-@dataclass(frozen=True)
-class Method:
-    """A formulation with a constraint matrix or a linear solver; ``of`` chooses it from the
-    Jacobians at a regular state and at the state itself."""
-
-    model: str
-    variant: str
-    of: Callable[[Array, Array], Formulation]
-
-
-METHODS = (
-    Method("L_E", "closed form", lambda J0, J: Explicit(ClosedForm())),
-    Method("K, virtual work", "partition", lambda J0, J: VirtualWork(Partition.pivoted(J0))),
-    Method("L_E", "null space", lambda J0, J: Explicit(NullSpace())),
-    Method("L_I", "sparse QR", lambda J0, J: Multiplier()),
-    Method("L_I", "LAPACK LU", lambda J0, J: Multiplier(lapack_lu)),
-)
 
 
 def lapack_lu(A: ca.MX, b: ca.MX) -> ca.MX:
@@ -73,116 +34,92 @@ def lapack_lu(A: ca.MX, b: ca.MX) -> ca.MX:
     return ca.solve(A, b, "lapacklu")
 
 
-class Functions:
-    """The functions of a mechanism, each built once."""
-
-    def __init__(self, mechanism: Mechanism) -> None:
-        self.mechanism = mechanism
-        self._built: dict[tuple[Computation, Formulation], ca.Function] = {}
-
-    @cached_property
-    def jacobian(self) -> ca.Function:
-        """Return the function (t, q, p) -> J, dense."""
-        m = self.mechanism
-        return ca.Function("J", [m.time, m.q, m.parameters], [ca.densify(m.J)])
-
-    def system(self, task: Computation) -> ca.Function:
-        """Return the function of model L_I's A and b."""
-        inputs, A, b = task.big_system(self.mechanism)
-        return ca.Function("system", inputs, [A, b])
-
-    def function(self, task: Computation, formulation: Formulation) -> ca.Function:
-        key = (task, formulation)
-        if key not in self._built:
-            self._built[key] = task.function(formulation, self.mechanism)
-        return self._built[key]
-
-
 @dataclass(frozen=True)
-class States:
-    """Motions of a family at every distance: distances × motions, exact."""
+class Method:
+    """A formulation with a constraint matrix or a linear solver; ``model`` and ``variant``: what
+    the comparison of dynamics calls it."""
 
-    family: Family
-    functions: Functions
-    at_rest: list[list[Motion]]
-    in_motion: list[list[Motion]]
+    model: str
+    variant: str
+    formulation: Formulation
 
-    @classmethod
-    def make(
-        cls,
-        family: Family,
-        functions: Functions,
-        exact: ManyDigits,
-        number: int,
-        distances: tuple[float, ...] = DISTANCES,
-    ) -> States:
-        """Make so many random motions at every distance."""
-        maker, rng = Maker(family, exact), np.random.default_rng(0)
-        q = [maker.q(distance) for distance in distances]
-        at_rest, in_motion = (
-            [[maker.motion(x, rng, moving=moving) for _ in range(number)] for x in q]
-            for moving in (False, True)
-        )
-        return cls(family, functions, at_rest, in_motion)
 
-    def of(self, problem: Problem) -> list[list[Motion]]:
-        return self.in_motion if problem.moving else self.at_rest
+METHODS = {
+    "eq. (55)": Method("L_E", "closed form", Explicit(ClosedForm())),
+    "motor angles": Method("K, virtual work", "partition", VirtualWork(MOTOR_ANGLES)),
+    "null space": Method("L_E", "null space", Explicit(NullSpace())),
+    "multipliers, QR": Method("L_I", "sparse QR", Multiplier()),
+    "multipliers, LU": Method("L_I", "LAPACK LU", Multiplier(lapack_lu)),
+}
+"""By what they are called here: at most five lines a panel."""
 
-    @property
-    def q(self) -> Array:
-        """Return the rounded states, distances × n."""
-        return np.array([rounded(motions[0].q) for motions in self.at_rest])
+
+def motions_into(
+    family: Family, exact: ManyDigits, number: int, distances: Sequence[float]
+) -> list[list[Motion]]:
+    """So many random motions of a family at every distance from its singularity."""
+    maker, rng = Maker(family, exact), np.random.default_rng(0)
+    states = [maker.q(distance) for distance in distances]
+    return [[maker.motion(q, rng) for _ in range(number)] for q in states]
+
+
+def big_system(task: Computation, mechanism: Mechanism) -> ca.Function:
+    """Return the function of model L_I's A and b."""
+    inputs, A, b = task.big_system(mechanism)
+    return ca.Function("system", inputs, [A, b])
 
 
 @dataclass(frozen=True)
 class Truth:
-    """Results at the rounded states and at the exact ones, distances × motions × sought;
-    not a number where the linear system has no solution."""
+    """Of a computation at states of a family: its rounded ``inputs``, distances × motions, and the
+    results there and at the exact states, distances × motions × sought; not a number where the
+    linear system has no solution."""
 
+    task: Computation
+    family: Family
+    inputs: list[list[list[Array]]]
     at_rounded: Array
     at_exact: Array
 
     @classmethod
-    def of(cls, states: States, problem: Problem, exact: ManyDigits) -> Truth:
-        system = states.functions.system(problem.task)
-        p = states.family.parameters
+    def of(
+        cls, task: Computation, family: Family, motions: list[list[Motion]], exact: ManyDigits
+    ) -> Truth:
+        """In the arithmetic of ``exact``."""
+        system, p = big_system(task, family.mechanism), family.parameters
 
-        def solved(inputs: list[Matrix], sought: int) -> Array:
+        def solved(inputs: Sequence[Any], sought: int) -> Array:
             A, b = exact.evaluate(system, [0.0], *inputs, p)
             try:
                 return rounded(exact.solve(A, b)[:sought])
             except ZeroDivisionError:
                 return np.full(sought, np.nan)
 
-        at_rounded, at_exact = [], []
-        for motions in states.of(problem):
-            for motion in motions:
-                inputs, sought = _inputs(motion, problem.task)
-                at_exact.append(solved(inputs, sought))
-                at_rounded.append(solved([rounded(x) for x in inputs], sought))
-        shape = (len(states.in_motion), len(states.in_motion[0]), -1)
-        return cls(np.reshape(at_rounded, shape), np.reshape(at_exact, shape))
+        inputs, at_rounded, at_exact = [], [], []
+        for alike in motions:
+            given = [_inputs(motion, task) for motion in alike]
+            inputs.append([[rounded(x) for x in each] for each, _ in given])
+            at_exact.append([solved(each, sought) for each, sought in given])
+            pairs = zip(inputs[-1], given, strict=True)
+            at_rounded.append([solved(each, sought) for each, (_, sought) in pairs])
+        return cls(task, family, inputs, np.array(at_rounded), np.array(at_exact))
 
     def conditioning(self) -> Array:
         """Return the relative error that rounding the state alone makes, by distance."""
-        return _median(_errors(self.at_rounded, self.at_exact))
+        return _median(self.at_rounded, self.at_exact)
 
-    def errors(self, states: States, problem: Problem, method: Method) -> Array:
-        """Return the relative errors of a method, by distance: medians over the motions."""
-        return _median(self.each(states, problem, method))
+    def errors(self, formulation: Formulation) -> Array:
+        """Return the relative errors of a formulation, by distance: medians over the motions."""
+        function, p = self.task.function(formulation, self.family.mechanism), self.family.parameters
+        results = [[_result(function, [0.0, *own, p]) for own in row] for row in self.inputs]
+        return _median(np.array(results), self.at_rounded)
 
-    def each(self, states: States, problem: Problem, method: Method) -> Array:
-        """Return the relative errors of a method, distances × motions; NaN without a result."""
-        f, p = states.functions, states.family.parameters
-        J0 = f.jacobian(0.0, states.family.regular, p).full()
-        results = []
-        for q, motions in zip(states.q, states.of(problem), strict=True):
-            formulation = method.of(J0, f.jacobian(0.0, q, p).full())
-            function = f.function(problem.task, formulation)
-            for motion in motions:
-                inputs, _ = _inputs(motion, problem.task)
-                results.append(_result(function, [0.0, *(rounded(x) for x in inputs), p]))
-        return _errors(np.reshape(results, self.at_rounded.shape), self.at_rounded)
+
+def _inputs(motion: Motion, task: Computation) -> tuple[list[Matrix], int]:
+    """What the task takes after the time, and how many numbers it seeks."""
+    if task is INVERSE:
+        return [motion.q, motion.dq, motion.ddq], motion.tau.rows
+    return [motion.q, motion.dq, motion.tau], motion.q.rows
 
 
 def _result(function: ca.Function, arguments: list[Any]) -> Array:
@@ -194,19 +131,9 @@ def _result(function: ca.Function, arguments: list[Any]) -> Array:
     return found.ravel()
 
 
-def _errors(value: Array, truth: Array) -> Array:
-    """Largest error over the largest component of the truth, distances × motions."""
+def _median(value: Array, truth: Array) -> Array:
+    """The median over the motions of the largest error over the largest component of the truth, by
+    distance; not a number if any of them has no result."""
     error, size = np.abs(value - truth).max(axis=2), np.abs(truth).max(axis=2)
-    return np.asarray(error / np.where(size > 0, size, 1.0))  # the truth may be nothing at all
-
-
-def _median(errors: Array) -> Array:
-    """Median over the motions, by distance; nan if any of them has no result."""
+    errors = error / np.where(size > 0, size, 1.0)  # the truth may be nothing at all
     return np.where(np.isfinite(errors).all(axis=1), np.median(errors, axis=1), np.nan)
-
-
-def _inputs(motion: Motion, task: Computation) -> tuple[list[Matrix], int]:
-    """What the task takes after the time, and how many numbers it seeks."""
-    if task is INVERSE:
-        return [motion.q, motion.dq, motion.ddq], motion.tau.rows
-    return [motion.q, motion.dq, motion.tau], motion.q.rows

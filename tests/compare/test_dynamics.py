@@ -17,11 +17,11 @@ from deltaopt.codegen.compile import in_machine_code
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.models import TASKS, StateSamples, models
 from deltaopt.compare.dynamics.printed import PAPER, as_printed
-from deltaopt.compare.dynamics.samples import exact_samples, rounding_error
+from deltaopt.compare.dynamics.samples import NEAR_HOME, exact_samples, rounding_error
 from deltaopt.compare.dynamics.study import Progress, Study, compare_dynamics
-from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.lagrange import Multiplier
-from deltaopt.mechanisms.delta.mechanism import DeltaParameters, delta
+from deltaopt.mechanisms.delta.mechanism import MOTOR_ANGLES, DeltaParameters, delta
+from tests import paper_delta as paper
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +59,10 @@ def test_all_models_are_accurate(study: Study) -> None:
         assert 0 <= row.median_error <= row.largest_error < 1e-13
 
 
+def test_the_partition_is_the_one_that_pivoting_chooses() -> None:
+    assert paper.pivoted(paper.jacobian(PAPER, NEAR_HOME)) == MOTOR_ANGLES
+
+
 def test_virtual_work_and_kane_need_the_same_operations(study: Study) -> None:
     """With u = q̇ they are the same equations, section 3.3."""
     for task in ("inverse", "forward"):
@@ -71,7 +75,7 @@ def test_virtual_work_and_kane_need_the_same_operations(study: Study) -> None:
 def test_compiled_functions_give_the_same(samples: StateSamples) -> None:
     mechanism = delta(PAPER)
     for task in TASKS:
-        model = models(Partition((0, 1, 2)))[6]
+        model = models()[6]
         function = model.build(mechanism, task)
         (machine,) = in_machine_code([function])
         arguments = [*(x[0] for x in task.inputs(samples)), samples.parameters]

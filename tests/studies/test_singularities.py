@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from deltaopt.compare.dynamics.many_digits import ManyDigits
-from deltaopt.compare.dynamics.models import INVERSE
+from deltaopt.compare.dynamics.models import FORWARD, INVERSE
 from deltaopt.compare.dynamics.printed import PAPER
 from deltaopt.compare.dynamics.samples import rounded
 from deltaopt.dynamics.constraint_matrix import NullSpace, Partition, RankRevealing
@@ -21,8 +21,8 @@ from deltaopt.errors import Singular, Singularity
 from deltaopt.mechanisms.delta.mechanism import MOTOR_ANGLES, delta
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
-from studies.models import singularities
 from studies.models.families import Family, Maker, delta_families
+from studies.models.singularities import big_system
 from studies.problems import PROBLEMS
 from studies.spherical_pendulum import spherical_pendulum
 from tests.dynamics.bricard import bricard, bricard_start
@@ -34,12 +34,10 @@ def of_pendulum(name: str, margin: Callable[[ca.SX], ca.SX], guess: list[float])
     """States in which a function of the pendulum's angle θ is the distance."""
     return Family(
         name,
-        name,
         PENDULUM,
         np.empty(0),
         lambda q, e: ca.vertcat(margin(q[3]) - e, q[4] - 0.3),
         np.array(guess),
-        np.array([0.0, 0.0, 0.0, 0.8, 0.3]),
     )
 
 
@@ -57,13 +55,12 @@ def model() -> DeltaModel:
     return DeltaModel(load_robot(ROBOT), payload=1.0)
 
 
-def joints(family: Family, distance: float, *, moving: bool) -> tuple[list[np.ndarray], np.ndarray]:
+def joints(family: Family, distance: float) -> tuple[list[np.ndarray], np.ndarray]:
     """q, q̇, q̈, rounded, and the torques in fifty digits from Q* + Q + Jᵀ λ = 0."""
     maker = Maker(family, EXACT)
-    motion = maker.motion(maker.q(distance), np.random.default_rng(4), moving=moving)
+    motion = maker.motion(maker.q(distance), np.random.default_rng(4))
     state = [rounded(x) for x in (motion.q, motion.dq, motion.ddq)]
-    inputs, A, b = INVERSE.big_system(family.mechanism)
-    system = ca.Function("system", inputs, [A, b])
+    system = big_system(INVERSE, family.mechanism)
     A, b = EXACT.evaluate(system, [0.0], *state, family.parameters)
     return state, rounded(EXACT.solve(A, b)[:3])
 
@@ -73,7 +70,7 @@ def joints(family: Family, distance: float, *, moving: bool) -> tuple[list[np.nd
 def test_states_obey_the_constraints_to_many_digits(name: str, distance: float) -> None:
     family = FAMILIES[name]
     maker = Maker(family, EXACT)
-    motion = maker.motion(maker.q(distance), np.random.default_rng(1), moving=True)
+    motion = maker.motion(maker.q(distance), np.random.default_rng(1))
     m = family.mechanism
     rate = m.J @ m.ddq + m.J_bias
     f = ca.Function(
@@ -86,8 +83,8 @@ def test_states_obey_the_constraints_to_many_digits(name: str, distance: float) 
     assert 0.1 < max(abs(x) for x in motion.dq) < 5
 
 
-def error(formulation: object, family: Family, distance: float, *, moving: bool) -> float:
-    state, truth = joints(family, distance, moving=moving)
+def error(formulation: object, family: Family, distance: float) -> float:
+    state, truth = joints(family, distance)
     inverse = formulation.inverse_dynamics(family.mechanism)  # type: ignore[attr-defined]
     tau = inverse(0.0, *state, family.parameters)[0].full().ravel()
     return float(np.abs(tau - truth).max() / np.abs(truth).max())
@@ -97,18 +94,18 @@ def test_closed_form_loses_digits_in_proportion_and_null_space_none() -> None:
     """Towards stretched bars: 1/ε for eq. (55); 1e-9 is what is asked of the null space."""
     family = FAMILIES["stretched"]
     distances = np.array([1e-3, 1e-5, 1e-7, 1e-9])
-    errors = [error(Explicit(), family, e, moving=True) for e in distances]
+    errors = [error(Explicit(), family, e) for e in distances]
     assert np.polyfit(np.log10(distances), np.log10(errors), 1)[0] == pytest.approx(-1, abs=0.3)
-    assert error(Explicit(), family, 0.0, moving=True) > 1e-3
+    assert error(Explicit(), family, 0.0) > 1e-3
     for C in (NullSpace(), MOTOR_ANGLES):
-        assert error(Explicit(C), family, 0.0, moving=True) < 1e-13
-    assert error(Multiplier(), family, 0.0, moving=True) < 1e-13
+        assert error(Explicit(C), family, 0.0) < 1e-13
+    assert error(Multiplier(), family, 0.0) < 1e-13
 
 
 @pytest.mark.parametrize("distance", [1e-7, 0.0])
 @pytest.mark.parametrize("name", ["stretched", "sideways"])
 def test_motor_angles_keep_torques_at_serial_singularities(name: str, distance: float) -> None:
-    assert error(VirtualWork(MOTOR_ANGLES), FAMILIES[name], distance, moving=True) < 1e-13
+    assert error(VirtualWork(MOTOR_ANGLES), FAMILIES[name], distance) < 1e-13
 
 
 # What the model refuses, and what it still answers
@@ -131,7 +128,7 @@ def test_holding_torques_at_the_stretched_boundary(model: DeltaModel) -> None:
 
 @pytest.mark.parametrize("name", ["stretched", "sideways"])
 def test_joint_inverse_dynamics_in_many_points(model: DeltaModel, name: str) -> None:
-    pairs = [joints(FAMILIES[name], e, moving=True) for e in (1e-1, 1e-8, 0.0)]
+    pairs = [joints(FAMILIES[name], e) for e in (1e-1, 1e-8, 0.0)]
     q, dq, ddq = (np.array([state[i] for state, _ in pairs]) for i in range(3))
     truth = np.array([tau for _, tau in pairs])
     np.testing.assert_allclose(model.joint_inverse_dynamics(q, dq, ddq), truth, rtol=1e-12)
@@ -204,7 +201,7 @@ def test_accelerations_near_a_serial_singularity(model: DeltaModel) -> None:
     x = rounded(Maker(family, EXACT).q(1e-4))[:3]
     v, tau = np.zeros(3), np.array([1.0, -0.5, 0.3])
     (q,) = EXACT.evaluate(model.functions.inverse_kinematics, x, P)
-    system = singularities.Functions(family.mechanism).system(singularities.PROBLEMS[2].task)
+    system = big_system(FORWARD, family.mechanism)
     A, b = EXACT.evaluate(system, [0.0], q, np.zeros(12), tau, P)
     truth = rounded(EXACT.solve(A, b)[:3])
     np.testing.assert_allclose(model.forward_dynamics(x, v, tau), truth, rtol=1e-7)
@@ -276,7 +273,7 @@ def test_formulations_for_redundant_constraints_keep_energy_and_constraints() ->
 def test_task_space_torques_lose_digits_with_the_square_of_the_distance(model: DeltaModel) -> None:
     """What the limits in model.py rest on: a platform in motion towards stretched bars."""
     v, a = np.array([0.3, 0.2, -0.1]), np.array([1.0, -2.0, 0.5])
-    system = singularities.Functions(delta(PAPER)).system(INVERSE)
+    system = big_system(INVERSE, delta(PAPER))
     errors = []
     for distance in (1e-3, 1e-4, 1e-5, 2e-6):
         x = rounded(Maker(FAMILIES["stretched"], EXACT).q(distance))[:3]

@@ -16,13 +16,14 @@ import numpy as np
 
 from deltaopt.compare.dynamics.printed import PAPER, as_printed
 from deltaopt.curves.piecewise import Array
-from deltaopt.dynamics.constraint_matrix import ClosedForm, ConstraintMatrix, NullSpace, Partition
+from deltaopt.dynamics.constraint_matrix import ClosedForm, ConstraintMatrix, NullSpace
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.kane import Kane
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.linear import solve_scalars
 from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.dynamics.virtual_work import VirtualWork
+from deltaopt.mechanisms.delta.mechanism import MOTOR_ANGLES
 
 
 @dataclass(frozen=True)
@@ -100,11 +101,11 @@ class DynamicsModel:
         return self.sizes.format(n=n, gamma=gamma, nu=n - gamma, all=unknowns)
 
 
-def models(partition: Partition) -> list[DynamicsModel]:
+def models() -> list[DynamicsModel]:
     """Return all models that are compared, for the paper's Delta."""
     matrices: list[tuple[str, ConstraintMatrix, str]] = [
         ("closed form", ClosedForm(), "3 of 3×3, {nu}×{nu}"),
-        ("partition", partition, "{gamma}×{gamma}, {nu}×{nu}"),
+        ("partition", MOTOR_ANGLES, "{gamma}×{gamma}, {nu}×{nu}"),
         ("null space", NullSpace(), "QR {n}×{gamma}, {nu}×{nu}"),
     ]
     kinds: list[tuple[str, Callable[[ConstraintMatrix], Formulation]]] = [

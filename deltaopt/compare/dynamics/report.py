@@ -9,6 +9,7 @@ from deltaopt.codegen.c_compiler import compiler
 from deltaopt.compare.dynamics.study import ModelRow, Study
 from deltaopt.files.csv_table import csv_text
 from deltaopt.files.tables import text_table
+from deltaopt.mechanisms.delta.mechanism import MOTOR_ANGLES
 
 PAPER_SHARE = 0.83
 """Time of K and L_E with a C from eq. (8), over that of L_I, section 5.4."""
@@ -65,6 +66,7 @@ def notes(study: Study) -> str:
         if found
         else "nothing, for no C compiler was found."
     )
+    independent = ", ".join(str(i + 1) for i in MOTOR_ANGLES.independent)
     return fill(
         f"{study.states} random states of the paper's Delta, median of {study.rounds} rounds in"
         " which every model runs in turn; ratios are to L_E in closed form in the same round."
@@ -72,7 +74,7 @@ def notes(study: Study) -> str:
         f" scalars is not. Multipliers are not computed. Compiled: {machine}"
         " Operations: elementary ones, a linear system solved at run time (sparse QR,"
         " LAPACK LU) counted as a dense LU, 2/3 n³ + 2 n². Partition: independent coordinates"
-        f" {', '.join(str(i + 1) for i in study.independent)} of 1 to 12, pivoted once. Error:"
+        f" {independent} of 1 to 12, pivoted once. Error:"
         f" relative, against {study.digits} digits; rounding of the state alone makes {floor}.",
         width=98,
     )

@@ -20,14 +20,8 @@ from deltaopt.codegen.compile import in_machine_code
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.models import TASKS, Computation, StateSamples, models
 from deltaopt.compare.dynamics.printed import PAPER
-from deltaopt.compare.dynamics.samples import (
-    NEAR_HOME,
-    exact_samples,
-    relative_error,
-    rounding_error,
-)
+from deltaopt.compare.dynamics.samples import exact_samples, relative_error, rounding_error
 from deltaopt.curves.piecewise import Array
-from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.files.progress_bar import Progress
 from deltaopt.mechanisms.delta.mechanism import delta
 
@@ -121,12 +115,10 @@ class Study:
     """All rows, and the sizes of the study they come from.
 
     ``floor``: per task, the median error that rounding the state alone makes.
-    ``independent``: the coordinates that the partition takes as independent.
     """
 
     rows: list[ModelRow]
     floor: dict[str, float]
-    independent: tuple[int, ...]
     states: int
     rounds: int
     digits: int
@@ -152,9 +144,7 @@ def compare_dynamics(
         for task in TASKS
     }
     progress(0.2, "deriving the models")
-    J = ca.Function("J", [mechanism.time, mechanism.q, mechanism.parameters], [mechanism.J])
-    partition = Partition.pivoted(np.asarray(J(0.0, NEAR_HOME, samples.parameters)))
-    cases = [(task, model) for task in TASKS for model in models(partition)]
+    cases = [(task, model) for task in TASKS for model in models()]
     functions = [
         renamed(model.build(mechanism, task), f"model{i}") for i, (task, model) in enumerate(cases)
     ]
@@ -187,7 +177,7 @@ def compare_dynamics(
             )
         )
     progress(1.0, "done")
-    return Study(rows, floor, partition.independent, states, rounds, exact.digits)
+    return Study(rows, floor, states, rounds, exact.digits)
 
 
 def operations(function: ca.Function) -> int:
