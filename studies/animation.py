@@ -16,7 +16,6 @@ import deltaopt
 from deltaopt.errors import MissingPackage, installed
 from studies.problems import PROBLEMS, add_directory
 
-HELP = "the moving picture of README.md, from report.html by a headless Chromium"
 SMALL = {"frames": 2}
 SCENE = PROBLEMS / "smooth" / "into_a_box.yaml"
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")

@@ -19,7 +19,6 @@ from studies.bench.random_scenes import random_scenes
 from studies.problems import INDUSTRIAL
 from studies.timed import attempted, timed
 
-HELP = "random scenes with keep-out bodies: clearances, times, refusals"
 SMALL = {"number": 1}
 _SAMPLES = 20_000
 """Places of a motion at which its clearance is measured."""

@@ -26,7 +26,6 @@ from studies.problems import INDUSTRIAL, PROBLEMS, add_directory
 from studies.text_table import table
 from studies.timed import attempted
 
-HELP = "whether neighbouring problems have neighbouring plans"
 SMALL = {"problems": 4, "lines": ["via x", "payload"]}
 _RANDOM = 12
 """Lines among random bodies."""

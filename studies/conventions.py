@@ -9,8 +9,6 @@ import numpy as np
 from deltaopt.robot.robot import load_robot
 from studies.problems import PROBLEMS, add_directory
 
-HELP = "draw the order of the motors, their zero and sign, and the axes"
-SMALL: dict[str, object] = {}
 ROBOT = PROBLEMS / "robots" / "hornet_565.yaml"
 PLATFORM = (0.75, 0.0, 0.0)
 """Where the platform is drawn, m: in the middle of the robot's workspace."""

@@ -29,7 +29,6 @@ from deltaopt.scene.task import OnPath
 from studies.problems import INDUSTRIAL, PROBLEMS
 from studies.smooth import limited
 
-HELP = "the 25-305-25 mm cycle: trapezoid, S-curve, timed optimally, free"
 SMALL = {"robots": (INDUSTRIAL,)}
 DEPTHS = {"orsino": 0.45, "industrial_drive": 0.97}
 USUAL_DEPTH = 0.85

@@ -27,7 +27,6 @@ from deltaopt.scene.scene import Scene
 from studies.bench.hard_moves import ROBOTS, move
 from studies.bench.strata import STRATA
 
-HELP = "how often the first attempt leads to a plan, and how good a straight line is"
 OF = ("inside", "edge", "border", "longest inside", "longest edge", "longest border", "weak edge")
 SMALL = {"number": 1, "strata": OF[:1]}
 

@@ -29,7 +29,6 @@ from studies.problems import PROBLEMS, add_directory
 from studies.smooth import limited
 from studies.timed import attempted
 
-HELP = "what Coulomb friction costs in time"
 SMALL = {"moves": 1}
 CASES = (
     ("industrial_drive", 0.5, 2.0, 0.05),

@@ -31,7 +31,6 @@ from studies.kept_rows import read_rows, rewrite_rows
 from studies.problems import PICK_AND_PLACE, PROBLEMS, add_directory, add_drawn_again, add_scenes
 from studies.text_table import paragraph, table
 
-HELP = "what accuracy costs: the default beside Ipopt in every formulation, and other programs"
 SCENES = tuple(
     PROBLEMS / f"{name}.yaml"
     for name in (

@@ -5,7 +5,7 @@ case whose cost (duration or effort) differs by more than 1e-9 of itself, and ex
 more than one in a hundred, or if one differs by more than the gaps that are told. Random moves are
 taken from studies/frozen_moves.csv and frozen_scenes.jsonl, so that they do not depend on the code
 that drew them. ``--ulp`` moves every start at rest by one unit in the last place (1e-16 m) first:
-what differs then differs by rounding. ``python -m studies.frozen`` is the same command.
+what differs then differs by rounding.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ from deltaopt.interrupts.workers import end_with_parent
 from deltaopt.scene.task import given_points
 from studies.problems import PROBLEMS, shipped_scenes
 
-HELP = "hold plans of scenes of every kind against those that are recorded"
 SMALL = {"every": 156}
 
 HERE = Path(__file__).parent
@@ -237,9 +236,3 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"{len(table) - len(lines)} of {len(table)} cases agree to {AGREE:g} ({share:.2%})")
     print(f"{beyond} differ by more than the told gaps")
     return 0 if share >= MOST_AGREE and not beyond else 1
-
-
-if __name__ == "__main__":
-    command = argparse.ArgumentParser(prog="python -m studies.frozen", description=__doc__)
-    add_arguments(command)
-    sys.exit(run(command.parse_args()))

@@ -11,7 +11,6 @@ from tempfile import TemporaryDirectory
 from deltaopt.cli import main
 from studies.problems import PROBLEMS, add_directory
 
-HELP = "draw the gallery: the pictures of a dozen shipped scenes"
 SCENES: Mapping[str, Path] = {
     name: PROBLEMS / f"{scene}.yaml"
     for name, scene in {

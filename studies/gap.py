@@ -40,7 +40,6 @@ from studies.gap_moves import Move, move
 from studies.kept_rows import append_rows, read_rows, rewrite_rows
 from studies.problems import add_directory
 
-HELP = "hold the gaps that plans tell against true ones, on moves of many robots"
 TOLERANCES, FINE = (1e-2, 1e-3, 1e-4), (1e-5, 1e-6)
 """Of every move, and of one move in so many, for these take a hundred times as long."""
 SMALL = {"number": 3, "every": 3}

@@ -13,7 +13,6 @@ from deltaopt.curves.piecewise import Array
 from studies.bench.random_scenes import random_scenes
 from studies.problems import PICK_AND_PLACE, add_scenes
 
-HELP = "the straight line timed optimally, beside the quintic law and the free path"
 SMALL = {"scenes": (PICK_AND_PLACE,)}
 
 

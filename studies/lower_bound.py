@@ -20,7 +20,6 @@ from deltaopt.robot.robot import as_delta
 from studies.bench.random_scenes import random_scenes
 from studies.problems import PICK_AND_PLACE, PROBLEMS, add_directory
 
-HELP = "hold the lower bound for every path against the durations of plans"
 SCENES = tuple(sorted(PROBLEMS.glob("*.yaml")))
 ROBOTS = tuple(
     PROBLEMS / "robots" / f"{name}.yaml" for name in ("orsino", "industrial", "hornet_565", "rl5")

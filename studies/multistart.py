@@ -25,7 +25,6 @@ from studies.problems import add_directory
 from studies.text_table import paragraph, table
 from studies.timed import attempted
 
-HELP = "how often several first guesses lead to a faster motion than one"
 SMALL = {"number": 1, "starts": 2}
 TOLERANCE = 1e-4
 BETTER = (1e-3, 1e-2, 1e-1)

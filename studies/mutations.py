@@ -19,7 +19,6 @@ from typing import Any
 
 from deltaopt.limits.limit import Limit
 
-HELP = "take each feature away once, and name the tests that notice"
 SMALL: Mapping[str, object] = {"names": ("jumps at knots are measured",)}
 
 _ROOT = Path(__file__).parents[1]

@@ -24,8 +24,6 @@ from pathlib import Path
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.atomic_write import atomic_write
 
-HELP = "hold the numbers of the pages against what commands last printed"
-SMALL: Mapping[str, object] = {}
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 _BLOCK = re.compile(r"^```[\s\S]*?^```$|(?:^(?!```).+\n?)+", re.MULTILINE)

@@ -36,7 +36,6 @@ from studies.problems import INDUSTRIAL, PROBLEMS, add_directory, add_drawn_agai
 
 Rate = Callable[[Array], float]
 """Parts a minute by what the RMS of each motor's torque may be, (3,), N·m."""
-HELP = "parts a minute by what motors are rated for, and random cycles"
 SHARES = (0.25, 1 / 3, 0.45, 0.6, 0.8, 1.0)
 """Rated torques over peaks; motors of Deltas are rated for a third, about."""
 SMALL = {"robots": (INDUSTRIAL,), "shares": (0.45,)}

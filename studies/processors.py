@@ -23,7 +23,6 @@ from studies.bench.random_scenes import random_scenes
 from studies.problems import PROBLEMS, ROBOTS, shipped_scenes
 
 ROOT = PROBLEMS.parent
-HELP = "the same plans by several processors' code"
 SMALL: Mapping[str, object] = {"moves": 1, "only": ("OpenBLAS for Haswell",), "shipped": False}
 
 _ENVIRONMENTS = {

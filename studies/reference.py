@@ -24,8 +24,6 @@ from deltaopt.scene.objective import EXPECTED_DURATION
 from deltaopt.scene.scene import Scene
 from studies.problems import PROBLEMS
 
-HELP = "write the pages that list all keys of robot and scene files"
-SMALL: dict[str, object] = {}
 ROBOTS = PROBLEMS / "robots"
 _ABOUT = """\
 Numbers are in SI units, or texts with a unit such as `350 mm` ([units](your-robot.md#units)). A key

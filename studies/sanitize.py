@@ -37,7 +37,6 @@ from deltaopt.scene.task import given_points
 from studies.bench.random_scenes import random_scenes
 from studies.problems import INDUSTRIAL, ORSINO
 
-HELP = "all C under the compiler's sanitizers"
 SANITIZERS = ("address,undefined", "thread")
 SMALL = {
     "robots": (ORSINO,),

@@ -18,9 +18,6 @@ from types import FrameType
 import deltaopt
 from studies.problems import PROBLEMS
 
-HELP = "count code lines, and the calls of a warm plan"
-SMALL: dict[str, object] = {}
-
 ROOT = Path(__file__).parents[1]
 _PACKAGE = str(ROOT / "deltaopt")
 _LONG = 400

@@ -36,7 +36,6 @@ from deltaopt.scene.task import given_points
 from studies.problems import CROSS, PICK_AND_PLACE, PROBLEMS, add_directory, add_scenes
 from studies.timed import timed
 
-HELP = "what smooth torques cost in time"
 RAMPS = (2.0, 4.0, 8.0, 16.0, 32.0)
 """Times from no torque to the peak, ms."""
 SIX = (

@@ -23,7 +23,6 @@ from deltaopt.scene.objective import Objective
 from studies.problems import CROSS, add_directory, add_scenes
 from studies.smooth import limited
 
-HELP = "torques smoothed by a limit, by a cost, or by a little more time"
 RAMPS = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Limits: times from no torque to the peak, ms."""
 WEIGHTS = (1e-11, 1e-10, 1e-9, 1e-8)

@@ -21,7 +21,6 @@ from deltaopt.output.joint_table import (
 )
 from studies.problems import PICK_AND_PLACE, add_scenes
 
-HELP = "what controllers' interpolation of joint tables asks for"
 SMALL: Mapping[str, object] = {"scenes": (PICK_AND_PLACE,), "cycles": (4e-3,)}
 
 

@@ -18,7 +18,6 @@ from deltaopt.files.progress_bar import ProgressBar
 from studies.kept_rows import read_rows, rewrite_rows
 from studies.problems import PICK_AND_PLACE, PROBLEMS, add_directory, add_drawn_again
 
-HELP = "what a scene needs to be modelled: what leaving out each term does"
 SCENES = tuple(
     PROBLEMS / f"{name}.yaml"
     for name in (

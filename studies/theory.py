@@ -19,7 +19,6 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.motion.trajectory import Trajectory
 from studies.problems import PICK_AND_PLACE, add_directory
 
-HELP = "draw how a plan is found: bang-bang torques, meshes, slowing, gaps"
 SMALL: Mapping[str, object] = {"tolerances": (1e-2, 1e-3)}
 _COARSE, _FINE, _BEST = 0.1, 1e-4, 1e-8
 """Tolerances of the motions that are drawn: the first is met on a coarse mesh."""

@@ -30,7 +30,6 @@ from deltaopt.planning.comparisons import straight_lines
 from deltaopt.problem.of_scene import problem_of
 from studies.problems import add_directory
 
-HELP = "draw the pictures of the tutorial, and print its numbers"
 EXTRA = (0.01, 0.02, 0.05, 0.10, 0.20)
 SMALL = {"extra": (0.2,)}
 CYCLE = 1e-3

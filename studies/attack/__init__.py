@@ -26,7 +26,6 @@ from studies.kept_rows import kept_rows
 from studies.problems import add_directory
 from studies.text_table import table
 
-HELP = "hostile input of many kinds: nothing wrong, no traceback, no hang"
 SMALL = {"number": 2, "kinds": ("motions",)}
 _CHEAPER = 3
 """How many times fewer attempts there are of kinds that compile or plan much."""

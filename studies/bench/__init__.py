@@ -33,7 +33,6 @@ from deltaopt.scene.scene_file import load_scene
 from studies.bench.any_move import random_plans, summary
 from studies.problems import ROBOTS
 
-HELP = "measure plans on this machine: how fast, how many succeed, beside other programs"
 SMALL = {"number": 2}
 
 Benchmark = Callable[[argparse.Namespace], int]

@@ -26,7 +26,6 @@ from studies.keep_out.walls import WALLS, beside_wall
 from studies.kept_rows import kept_rows
 from studies.problems import INDUSTRIAL, add_directory
 
-HELP = "keep-out bodies: clearances measured, refusals held against a grid, planted passages"
 SMALL = {
     "number": 1,
     "each": 1,

@@ -15,7 +15,6 @@ from deltaopt.files.progress_bar import ProgressBar
 from studies.kept_rows import read_rows, rewrite_rows
 from studies.problems import add_directory, add_drawn_again
 
-HELP = "which model of the Delta, when: error towards singularities beside cost"
 SMALL = {"motions": 1, "digits": 30, "states": 2, "rounds": 2, "distances": (1e-2,)}
 
 

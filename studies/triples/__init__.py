@@ -35,7 +35,6 @@ from studies.reproduced import write_scene
 from studies.triples.crude import crude_motion
 from studies.triples.drawn import drawn, triple_of
 
-HELP = "three features at once, against a crude planner"
 SMALL = {"number": 2}
 PLANNED, REFUSED, WRONG = OUTCOMES = ("planned", "refused", "wrong")
 _POOR = 3e-3

@@ -25,8 +25,8 @@ from studies.bench.statics import Statics
 from studies.keep_out.other_ways import past_obstacle
 from studies.keep_out.planned import REFUSED
 from studies.keep_out.planned import planned as outcome_of
+from studies.ompl.scenes import scene_of
 from studies.problems import PROBLEMS
-from studies.sampling.scenes import scene_of
 from tests.good_plans import good_plan
 
 CROSS = load_scene(PROBLEMS / "paths" / "industrial_25_305_25.yaml").model_copy(

@@ -83,8 +83,8 @@ def test_all_is_unattended(monkeypatch, capsys, tmp_path):
         (Path("out/tutorial") / "tutorial_table.png").write_bytes(b"drawn")
         return 0
 
-    for study in STUDIES.values():
-        monkeypatch.setattr(study, "run", run)
+    for name in STUDIES:
+        monkeypatch.setattr(f"studies.{name}.run", run)
     assert main(["all", "--small", "--after", "size", "--into", str(tmp_path)]) == 1
     printed = capsys.readouterr()
     copied = tmp_path / "tutorial_table.png"

@@ -29,14 +29,13 @@ from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
 from deltaopt.scene.scene import Scene
 from studies.kept_rows import kept_rows
+from studies.ompl.geometric import Clear, path_of
+from studies.ompl.rounded import rounded, timed_motion
+from studies.ompl.scenes import KINDS, scene_of
 from studies.problems import INDUSTRIAL, add_directory
-from studies.sampling.geometric import Clear, path_of
-from studies.sampling.rounded import rounded, timed_motion
-from studies.sampling.scenes import KINDS, scene_of
 from studies.text_table import table
 from studies.timed import attempted, timed
 
-HELP = "OMPL, TOPP-RA and Ipopt in a chain, past bodies"
 SMALL = {"each": 1, "kinds": ("eight boxes",), "seeds": 1, "margins": (0.004,), "prepares": False}
 MARGINS = (0.004, 0.0005, 0.012, 0.035)
 """m, beyond what is asked for, in the order in which they are tried: a wider one leaves room for

@@ -10,11 +10,11 @@ import pytest
 import deltaopt
 from studies.__main__ import main
 from studies.kept_rows import read_rows
+from studies.ompl import CHECKS, METHODS, OURS, Row
+from studies.ompl.geometric import Clear
+from studies.ompl.rounded import Rounded, rounded, timed_motion
+from studies.ompl.scenes import KINDS, scene_of
 from studies.problems import CROSS, INDUSTRIAL, PROBLEMS
-from studies.sampling import CHECKS, METHODS, OURS, Row
-from studies.sampling.geometric import Clear
-from studies.sampling.rounded import Rounded, rounded, timed_motion
-from studies.sampling.scenes import KINDS, scene_of
 from tests.oracles.body_distances import tool_distances
 from tests.oracles.clear_grid import can_be_held
 
@@ -89,7 +89,7 @@ def test_a_corner_is_rounded_as_widely_as_bodies_allow():
 
 def test_one_scene(tmp_path, capsys, monkeypatch):
     """What is taken is verified, and on the way that deltaopt takes nothing is faster."""
-    monkeypatch.setattr(sys.modules["studies.sampling.rounded"], "_STEP", 8e-3)  # m, coarse
+    monkeypatch.setattr(sys.modules["studies.ompl.rounded"], "_STEP", 8e-3)  # m, coarse
     pytest.importorskip("ompl")
     pytest.importorskip("toppra")
     assert main(["ompl", "--small", "-o", str(tmp_path)]) == 0

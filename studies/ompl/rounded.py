@@ -16,7 +16,7 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
 from studies.bench.fixed_paths import Path, toppra_speeds
-from studies.sampling.geometric import Clear
+from studies.ompl.geometric import Clear
 
 _SHRUNK, _LEAST = 0.85, 1e-4
 """By how much the rounding of a corner shrinks until it is clear, down to so many m."""
