@@ -15,13 +15,15 @@ import csv
 import json
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import deltaopt
+from deltaopt.files.validated_record import Vector3
 from deltaopt.interrupts.workers import end_with_parent
 from deltaopt.scene.task import given_points
 from studies.problems import PROBLEMS, shipped_scenes
@@ -74,48 +76,32 @@ COLUMNS = (
 )
 
 
-@dataclass(frozen=True)
-class Shipped:
+def shipped(name: str) -> deltaopt.Scene:
     """A shipped scene, by its name below problems/."""
-
-    name: str
-
-    def scene(self) -> deltaopt.Scene:
-        return deltaopt.load_scene(PROBLEMS / f"{self.name}.yaml")
+    return deltaopt.load_scene(PROBLEMS / f"{name}.yaml")
 
 
-@dataclass(frozen=True)
-class Move:
+def between(robot: str, start: Vector3, goal: Vector3) -> deltaopt.Scene:
     """A move of a shipped robot with 1 kg between two points, m."""
-
-    robot: str
-    start: tuple[float, float, float]
-    goal: tuple[float, float, float]
-
-    def scene(self) -> deltaopt.Scene:
-        robot = deltaopt.load_robot(PROBLEMS / "robots" / f"{self.robot}.yaml")
-        return deltaopt.Scene(robot=robot, payload=1.0, start=self.start, goal=self.goal)
+    of = deltaopt.load_robot(PROBLEMS / "robots" / f"{robot}.yaml")
+    return deltaopt.Scene(robot=of, payload=1.0, start=start, goal=goal)
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """A scene of one of the kinds that a campaign draws, with its robot, as a line of JSON."""
-
-    line: str
-
-    def scene(self) -> deltaopt.Scene:
-        keys = json.loads(self.line)
-        del keys["name"]
-        return deltaopt.Scene(**keys | {"robot": deltaopt.Robot(**keys["robot"])})
+def drawn(line: str) -> deltaopt.Scene:
+    """A scene of one of the kinds that a campaign draws, with its robot, of a line of JSON."""
+    keys = json.loads(line)
+    del keys["name"]
+    return deltaopt.Scene(**keys | {"robot": deltaopt.Robot(**keys["robot"])})
 
 
 @dataclass(frozen=True)
 class Case:
-    """One plan: of a scene, in a formulation, to a tolerance. ``moved``: whether the start is moved
-    by one unit in the last place, to see what rounding does to the plan."""
+    """One plan: of a scene, in a formulation, to a tolerance. ``scene``: reads it, in the process
+    that plans. ``moved``: whether the start is moved by one unit in the last place, to see what
+    rounding does to the plan."""
 
     name: str
-    of: Shipped | Move | Drawn
+    scene: Callable[[], deltaopt.Scene]
     tolerance: float
     formulation: str = "flat"
     moved: bool = False
@@ -141,7 +127,7 @@ class Case:
         return row
 
     def _plan(self) -> deltaopt.Plan:
-        scene = self.of.scene()
+        scene = self.scene()
         if self.moved and isinstance(scene.start, tuple):
             x, y, z = given_points(scene.task)[0]
             moved = (math.nextafter(x, math.inf), y, z)
@@ -154,23 +140,23 @@ def cases() -> Iterator[Case]:
     """Yield all cases that are frozen."""
     for name in SCENES:
         for tolerance in (*TOLERANCES, 1e-8):
-            yield Case(f"{name} {tolerance:g}", Shipped(name), tolerance)
+            yield Case(f"{name} {tolerance:g}", partial(shipped, name), tolerance)
         for formulation in FORMULATIONS:
             if formulation != "flat":
-                yield Case(f"{name} {formulation}", Shipped(name), 1e-3, formulation)
+                yield Case(f"{name} {formulation}", partial(shipped, name), 1e-3, formulation)
     with MOVES.open(newline="") as file:
         for i, row in enumerate(csv.DictReader(file)):
             start = (float(row["sx"]), float(row["sy"]), float(row["sz"]))
             goal = (float(row["gx"]), float(row["gy"]), float(row["gz"]))
             tolerance = float(row["tolerance"])
-            move = Move(row["robot"], start, goal)
+            move = partial(between, row["robot"], start, goal)
             yield Case(f"{row['robot']} {i} {tolerance:g}", move, tolerance)
-    shipped = (file.relative_to(PROBLEMS).with_suffix("") for file in shipped_scenes())
-    for name in sorted(map(Path.as_posix, shipped)):
+    others = (file.relative_to(PROBLEMS).with_suffix("") for file in shipped_scenes())
+    for name in sorted(map(Path.as_posix, others)):
         if name not in SCENES:
-            yield Case(f"{name} 0.001", Shipped(name), 1e-3)
+            yield Case(f"{name} 0.001", partial(shipped, name), 1e-3)
     for i, line in enumerate(DRAWN.read_text(encoding="utf-8").splitlines()):
-        yield Case(f"{json.loads(line)['name']} {i} 0.001", Drawn(line), 1e-3)
+        yield Case(f"{json.loads(line)['name']} {i} 0.001", partial(drawn, line), 1e-3)
 
 
 def rows(every: Sequence[Case], workers: int) -> list[dict[str, str]]:

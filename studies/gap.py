@@ -6,16 +6,16 @@ another first mesh, with resolved switches where that succeeds and on finer mesh
 this says that a plan told too little, or is shorter than the truth, the same is made of that plan
 itself, so that no plan is held against another local optimum.
 
-Results are appended to gap.csv after every move, and a campaign that was interrupted goes on where
-it ended. The chart is drawn from that file.
+Results are appended to gap.csv as they come, and a campaign that was interrupted goes on where it
+ended. The chart is drawn from that file.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -36,8 +36,9 @@ from deltaopt.planning.switching.resolver import SwitchResolver
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.settings import RESOLVED_BELOW
-from studies.gap_moves import Move, move
-from studies.kept_rows import append_rows, read_rows, rewrite_rows
+from studies.bench.hard_moves import Move
+from studies.gap_moves import move
+from studies.kept_rows import kept_rows
 from studies.problems import add_directory
 
 TOLERANCES, FINE = (1e-2, 1e-3, 1e-4), (1e-5, 1e-6)
@@ -208,7 +209,7 @@ def _silent(_: str) -> None:
 def campaign(
     file: Path, first: int, number: int, every: int, tolerances: Sequence[float]
 ) -> list[Held]:
-    """Plan the moves that are not in the file yet, append them, and return all rows.
+    """Hold the plans that are not in the file yet against the truth, and return all rows.
 
     ``first``: the seed. ``every``: how many moves there are to one at the finer tolerances.
     """
@@ -216,18 +217,19 @@ def campaign(
     def of(i: int) -> tuple[float, ...]:
         return (*tolerances, *(FINE if i % every == every - 1 else ()))
 
-    there = read_rows(file, Held) if file.exists() else []
-    counts = Counter(row.move for row in there)
-    known = [row for row in there if counts[row.move] == len(of(row.move))]
-    rewrite_rows(file, known)  # without the move at which it was interrupted
-    progress = ProgressBar().counting(number, "moves")
-    for i in range(number):
-        if i not in counts or counts[i] != len(of(i)):
-            rows = held_plans(move(first, i), of(i))
-            append_rows(file, rows)
-            known += rows
-        progress(i + 1)
-    return [row for row in known if row.move < number]
+    @lru_cache(maxsize=1)
+    def held(i: int) -> dict[float, Held]:
+        return {row.tolerance: row for row in held_plans(move(first, i), of(i))}
+
+    keys = [(i, tolerance) for i in range(number) for tolerance in of(i)]
+    return kept_rows(
+        file,
+        Held,
+        keys,
+        lambda row: (row.move, row.tolerance),
+        lambda key: held(key[0])[key[1]],
+        ProgressBar().counting(len(keys), "plans"),
+    )
 
 
 # What it says

@@ -5,28 +5,26 @@ A move is known by a seed and a number: any part of a campaign can be run again 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from deltaopt import Robot, Scene, load_robot
 from deltaopt.errors import Infeasible, Unreachable
-from deltaopt.files.validated_record import Vector3
 from deltaopt.robot.drive import Drive
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.feasibility import check_feasible
-from studies.bench.hard_moves import robot_of
-from studies.bench.random_scenes import MARGIN, farthest_apart, points_in_workspace
+from studies.bench.hard_moves import Move, random_ends, robot_of
+from studies.bench.random_scenes import MARGIN
+from studies.bench.strata import Points
 from studies.problems import INDUSTRIAL, ORSINO
 
-EDGE = 0.02
-"""Least distance from every singularity of a point at the edge, as of ``MARGIN``."""
-INSIDE, AT_THE_EDGE, ALONG_THE_EDGE = "inside", "at the edge", "longest at the edge"
-STRATA = (INSIDE, AT_THE_EDGE, ALONG_THE_EDGE)
-"""Both ends farther than ``MARGIN`` from every singularity; both nearer; and the two of so many
-points at the edge that are farthest apart."""
-_FARTHEST_OF = 12
+INSIDE = "inside"
+STRATA = {
+    INSIDE: Points(),
+    "at the edge": Points(0.02, MARGIN),
+    "longest at the edge": Points(0.02, MARGIN, 12),
+}
 _MOST_TRIES = 200
 """Random moves, or robots, of which none can be driven, before the search ends."""
 
@@ -74,50 +72,22 @@ def random_kind(rng: np.random.Generator) -> RobotKind:
     return RobotKind(robot, payload, rng.uniform(0.3, 1.0) * float(np.sqrt(60 / arm)))
 
 
-@dataclass(frozen=True)
-class Move:
-    """A move of a campaign: its ``number``, its ``scene``, and from where it was drawn."""
-
-    number: int
-    scene: Scene
-    stratum: str
-
-
 def stratum_of(number: int) -> str:
     """From where the move of this number is drawn."""
-    return STRATA[number // (len(KINDS) + 1) % len(STRATA)]
+    return list(STRATA)[number // (len(KINDS) + 1) % len(STRATA)]
 
 
 def move(seed: int, number: int) -> Move:
     """The move of this number. Raises Infeasible if hardly any such move can be driven."""
-    rng = np.random.default_rng([seed, number])
+    rng, stratum = np.random.default_rng([seed, number]), stratum_of(number)
     which, number_of_kind = number % (len(KINDS) + 1), number // (len(KINDS) + 1)
-    loaded, limited = bool(number_of_kind // 3 % 2), bool(number_of_kind // 6 % 2)
-    return _drawn(
-        rng,
-        number,
-        stratum_of(number),
-        lambda: KINDS[which] if which < len(KINDS) else random_kind(rng),
-        loaded=loaded,
-        limited=limited,
-    )
-
-
-def _drawn(
-    rng: np.random.Generator,
-    number: int,
-    stratum: str,
-    kind_of: Callable[[], RobotKind],
-    *,
-    loaded: bool,
-    limited: bool,
-) -> Move:
+    loaded, limited = number_of_kind // 3 % 2, number_of_kind // 6 % 2
     for _ in range(_MOST_TRIES):
-        kind = kind_of()
+        kind = KINDS[which] if which < len(KINDS) else random_kind(rng)
         payload = kind.payload if loaded else None
         drive = Drive(torque=kind.robot.drive.torque, speed=kind.speed if limited else None)
         robot = kind.robot.model_copy(update={"drive": drive})
-        ends = _ends(DeltaModel(robot, payload), stratum, rng)
+        ends = random_ends(DeltaModel(robot, payload), STRATA[stratum], rng)
         if ends is None:
             continue
         scene = Scene(robot=robot, payload=payload, start=ends[0], goal=ends[1])
@@ -125,16 +95,5 @@ def _drawn(
             check_feasible(scene)
         except (Unreachable, Infeasible):
             continue
-        return Move(number, scene, stratum)
+        return Move(number, stratum, scene)
     raise Infeasible(f"move {number}: none of {_MOST_TRIES} in a row can be driven")
-
-
-def _ends(
-    model: DeltaModel, stratum: str, rng: np.random.Generator
-) -> tuple[Vector3, Vector3] | None:
-    """Start and goal, m; None if a batch has too few points."""
-    if stratum == INSIDE:
-        points = points_in_workspace(model, rng)
-    else:
-        points = points_in_workspace(model, rng, EDGE, MARGIN)
-    return farthest_apart(points[: _FARTHEST_OF if stratum == ALONG_THE_EDGE else 2])

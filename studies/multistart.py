@@ -19,7 +19,8 @@ import numpy as np
 import deltaopt
 from deltaopt.cli.arguments import one_or_more, seed
 from deltaopt.files.progress_bar import ProgressBar
-from studies.gap_moves import INSIDE, Move, move, stratum_of
+from studies.bench.hard_moves import Move
+from studies.gap_moves import INSIDE, move, stratum_of
 from studies.kept_rows import kept_rows
 from studies.problems import add_directory
 from studies.text_table import paragraph, table

@@ -84,7 +84,7 @@ def move(seed: int, number: int) -> Move:
     for _ in range(_MOST_TRIES):
         robot = stratum.robot(usual, rng)
         payload = None if share is None else share * _carried(robot, most)
-        ends = _ends(DeltaModel(robot, payload), stratum.points, rng)
+        ends = random_ends(DeltaModel(robot, payload), stratum.points, rng)
         if ends is None:
             continue
         try:
@@ -115,7 +115,7 @@ def _path_stays_in_workspace(scene: Scene) -> bool:
     return bool((alignments > 0).all())  # False where not a number
 
 
-def _ends(
+def random_ends(
     model: DeltaModel, where: Points, rng: np.random.Generator
 ) -> tuple[Vector3, Vector3] | None:
     """Start and goal, m; None if a batch has too few points."""

@@ -484,7 +484,7 @@ def test_settings_of_motions_from_rest_to_rest_are_refused():
 def test_a_stop_past_a_sphere_whose_first_meshes_are_not_solved():
     """They lose their way in a parallel singularity; kept away from it they are."""
     (case,) = (each for each in cases() if each.name.startswith("stop, sphere haptic 180"))
-    assert good_plan(case.of.scene()).duration < 0.0212
+    assert good_plan(case.scene()).duration < 0.0212
 
 
 def test_a_rate_of_torque_is_kept_on_a_fine_mesh_where_the_goal_moves() -> None:
