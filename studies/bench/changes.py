@@ -18,6 +18,7 @@ from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import as_delta
 from deltaopt.robot.tool import Tool
 from deltaopt.scene.feasibility import check_feasible
+from deltaopt.scene.links import LinkGeometry
 from deltaopt.scene.moving_ends import Anywhere, Belt, State
 from deltaopt.scene.objective import TimeAndEffort
 from deltaopt.scene.parallel_singularity import distance_from_parallel
@@ -278,15 +279,10 @@ def beside_a_forearm(scene: Scene, rng: np.random.Generator) -> Scene:
 
 def _forearm(scene: Scene, chain: int) -> tuple[Array, Array]:
     """Elbow and platform's joint of a chain with the tool's point in the middle of the line, m."""
-    robot, middle = as_delta(scene.robot), _middle(scene)
-    model = delta_model(robot, scene.payload)
-    angle = float(model.inverse_kinematics(middle[None])[0, 3 + 3 * chain])
-    azimuth = 2 * np.pi / 3 * chain
-    outwards = np.array([0.0, np.cos(azimuth), np.sin(azimuth)])
-    down = np.array([1.0, 0.0, 0.0])
-    reached = np.cos(angle) * outwards - np.sin(angle) * down
-    elbow = robot.base_radius * outwards + robot.upper_arm.length * reached
-    return elbow, middle - robot.tool_offset + robot.platform_radius * outwards
+    robot, middle = as_delta(scene.robot), _middle(scene)[None]
+    theta = delta_model(robot, scene.payload).inverse_kinematics(middle)[:, 3::3]
+    links = LinkGeometry(robot, middle, theta)
+    return links.elbows[0, chain], links.pins[0, chain]
 
 
 def kept_from_tilt(scene: Scene, rng: np.random.Generator) -> Scene:

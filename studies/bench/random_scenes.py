@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import compress, islice
-from math import cos, inf, sin
+from math import inf
 
 import numpy as np
 
@@ -18,10 +18,10 @@ from deltaopt.codegen.vectorised import evaluate_rows
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import DeltaOptError, Infeasible, Unreachable
 from deltaopt.files.validated_record import Vector3, vector3
-from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import are_surely_feasible, check_feasible
+from deltaopt.scene.links import LinkGeometry
 from deltaopt.scene.scene import Scene
 
 MARGIN = 0.1
@@ -127,25 +127,11 @@ def points_in_workspace(
 
 def singular_volumes(model: DeltaModel, x: Array) -> Array:
     """Return the volumes that the bars' directions and the parallelograms' normals span, (N, 2)."""
-    theta = model.inverse_kinematics(x)[:, 3::3]
-    robot = model.robot
-    bars, normals = [], []
-    for k, azimuth in enumerate(AZIMUTHS):
-        radial = np.array([0.0, cos(azimuth), sin(azimuth)])
-        sideways = np.array([0.0, -sin(azimuth), cos(azimuth)])
-        outward = (
-            robot.base_radius
-            - robot.platform_radius
-            + robot.upper_arm.length * np.cos(theta[:, k, None])
-        )
-        elbow = outward * radial
-        elbow[:, 0] = -robot.upper_arm.length * np.sin(theta[:, k])
-        bar = (x - robot.tool_offset - elbow) / robot.forearm.length
-        normal = np.cross(bar, sideways)
-        bars.append(bar)
-        normals.append(normal / np.linalg.norm(normal, axis=1, keepdims=True))
-    both = [np.linalg.det(np.stack(rows, axis=1)) for rows in (bars, normals)]
-    return np.asarray(np.stack(both, axis=1))
+    links = LinkGeometry(model.robot, x, model.inverse_kinematics(x)[:, 3::3])
+    bars = (links.pins - links.elbows) / links.forearm
+    normals = np.cross(bars, np.cross(links.elbows - links.shafts, links.ahead))
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    return np.stack([np.linalg.det(bars), np.linalg.det(normals)], axis=1)
 
 
 def farthest_apart(points: Array) -> tuple[Vector3, Vector3] | None:

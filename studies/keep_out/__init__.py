@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from functools import partial
 from math import inf
 from pathlib import Path
 
@@ -19,7 +20,7 @@ import deltaopt
 from deltaopt.cli.arguments import WrongUsage, one_or_more, positive, seed
 from deltaopt.files.progress_bar import ProgressBar
 from studies.keep_out.other_ways import OtherWays, other_ways
-from studies.keep_out.passages import CLOSED, KINDS, WIDTHS, planted
+from studies.keep_out.passages import CLOSED, KINDS, WIDTHS, Planted, planted
 from studies.keep_out.planned import FAILED, PLANNED, REFUSED, Planned, planned
 from studies.keep_out.random_bodies import scene_of
 from studies.keep_out.walls import WALLS, beside_wall
@@ -71,17 +72,8 @@ def run(arguments: argparse.Namespace) -> int:
 def _scenes(arguments: argparse.Namespace) -> bool:
     """Print one line for each number of bodies and for each kind of body; whether one failed."""
     robot = deltaopt.load_robot(arguments.robot)
-    name = f"scenes_{arguments.seed}"
-    rows = kept_rows(
-        arguments.directory / f"{name}.csv",
-        Planned,
-        range(arguments.number),
-        lambda row: row.number,
-        lambda i: planned(
-            scene_of(robot, arguments.seed, i), i, arguments.spacing, arguments.directory / name
-        ),
-        ProgressBar().counting(arguments.number, "scenes"),
-    )
+    drawn = partial(scene_of, robot, arguments.seed)
+    rows = _planned(arguments, f"scenes_{arguments.seed}", arguments.number, drawn)
     for row in rows:
         if row.reason:
             print(f"{row.outcome}, scene {row.number}, {row.kinds}: {row.reason}")
@@ -93,6 +85,26 @@ def _scenes(arguments: argparse.Namespace) -> bool:
         print(f"with a {kind}: {_summary(own)}")
     print(f"all: {_summary(rows)}", flush=True)
     return any(row.outcome == FAILED for row in rows)
+
+
+def _planned(
+    arguments: argparse.Namespace,
+    name: str,
+    number: int,
+    drawn: Callable[[int], deltaopt.Scene | Planted],
+) -> list[Planned]:
+    """What came of so many scenes, by their numbers: from the file of this name, or planned now."""
+    folder: Path = arguments.directory / name
+
+    def made(i: int) -> Planned:
+        each = drawn(i)
+        if isinstance(each, Planted):
+            return planned(each.scene, i, arguments.spacing, folder, each.on_the_way)
+        return planned(each, i, arguments.spacing, folder)
+
+    progress = ProgressBar().counting(number, name)
+    file = arguments.directory / f"{name}.csv"
+    return kept_rows(file, Planned, range(number), lambda row: row.number, made, progress)
 
 
 def _summary(rows: list[Planned]) -> str:
@@ -118,20 +130,8 @@ def _passages(arguments: argparse.Namespace) -> bool:
     for kind in arguments.kinds:
         for width in arguments.widths:
             name = f"{kind.replace(' ', '_')}_{1e3 * width:g}mm_{arguments.seed}"
-
-            def of(i: int, kind: str = kind, width: float = width, name: str = name) -> Planned:
-                wall = planted(robot, kind, width, arguments.seed, i)
-                folder = arguments.directory / name
-                return planned(wall.scene, i, arguments.spacing, folder, wall.on_the_way)
-
-            rows = kept_rows(
-                arguments.directory / f"{name}.csv",
-                Planned,
-                range(arguments.each),
-                lambda row: row.number,
-                of,
-                ProgressBar().counting(arguments.each, name),
-            )
+            drawn = partial(planted, robot, kind, width, arguments.seed)
+            rows = _planned(arguments, name, arguments.each, drawn)
             right = PLANNED if width > 0 else REFUSED
             good = sum(row.outcome == right for row in rows)
             failed |= good < len(rows)
@@ -147,19 +147,8 @@ def _walls(arguments: argparse.Namespace) -> bool:
     robot, failed = deltaopt.load_robot(arguments.robot), False
     for kind in arguments.scenes_of_walls:
         name = f"walls_{kind.replace(' ', '_')}_{robot.name.replace(' ', '_')}_{arguments.seed}"
-
-        def of(i: int, kind: str = kind, name: str = name) -> Planned:
-            scene = beside_wall(robot, kind, arguments.seed, i)
-            return planned(scene, i, arguments.spacing, arguments.directory / name)
-
-        rows = kept_rows(
-            arguments.directory / f"{name}.csv",
-            Planned,
-            range(arguments.walls),
-            lambda row: row.number,
-            of,
-            ProgressBar().counting(arguments.walls, kind),
-        )
+        drawn = partial(beside_wall, robot, kind, arguments.seed)
+        rows = _planned(arguments, name, arguments.walls, drawn)
         resting = sum(row.gap == inf for row in rows)
         print(f"{kind}: {_summary(rows)}; {resting} rest between legs", flush=True)
         for row in rows:
