@@ -58,139 +58,12 @@ _AGREE = 1e-3
 """Relative difference of results. Other flags round otherwise, and the interior-point method stops
 at its tolerance: to so much it repeats itself."""
 
+_RECORDED = Path(__file__).with_suffix(".c").read_text(encoding="utf-8")
 _PARTS = "static void *part("
 _OWN_PARTS = """\
-#include <stdlib.h>
 static void *part(uintptr_t *address, int64_t bytes) {
   (void)address;
   return aligned_alloc(64, (size_t)(bytes + 63) / 64 * 64);
-}
-"""
-
-_READING = """
-#include <math.h>
-#include <pthread.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-static void *block(int64_t bytes) { return malloc((size_t)(bytes > 0 ? bytes : 1)); }
-static void *copied(const void *from, int64_t bytes) {
-  return memcpy(block(bytes), from, (size_t)bytes);
-}
-static void *numbers(FILE *file, int64_t *count) {
-  if (fread(count, 8, 1, file) != 1) exit(3);
-  void *all = block(8 * *count);
-  if (fread(all, 8, (size_t)*count, file) != (size_t)*count) exit(3);
-  return all;
-}
-typedef struct { int64_t arrays; int64_t count[24]; double *array[24]; } Call;
-static int64_t calls;
-static Call *call;
-static void compute(const Call *c, double *worst);
-
-static void compare(const double *found, const double *wanted, int64_t n, double *worst) {
-  double size = 0, off = 0;
-  for (int64_t i = 0; i < n; i++) size = fmax(size, fabs(wanted[i]));
-  for (int64_t i = 0; i < n; i++) {
-    if (isnan(found[i]) && isnan(wanted[i])) continue;
-    const double d = fabs(found[i] - wanted[i]) / size;
-    if (found[i] != wanted[i] && !(d <= off)) off = d;
-  }
-  if (!(off <= *worst)) *worst = off;
-}
-
-typedef struct { int64_t first; double worst; } Work;
-
-static void *all_calls(void *given) {
-  Work *work = given;
-  for (int64_t i = 0; i < calls; i++) compute(call + (i + work->first) % calls, &work->worst);
-  return NULL;
-}
-
-int main(int argc, char **argv) {
-  FILE *file = fopen(argv[1], "rb");
-  const int threads = atoi(argv[2]);
-  if (argc < 3 || !file || fread(&calls, 8, 1, file) != 1) return 3;
-  call = block(calls * (int64_t)sizeof(Call));
-  for (int64_t i = 0; i < calls; i++) {
-    if (fread(&call[i].arrays, 8, 1, file) != 1) return 3;
-    for (int64_t a = 0; a < call[i].arrays; a++)
-      call[i].array[a] = numbers(file, call[i].count + a);
-  }
-  pthread_t thread[64];
-  Work work[64];
-  for (int k = 0; k < threads; k++) {
-    work[k] = (Work){calls * k / threads, 0};
-    if (pthread_create(thread + k, NULL, all_calls, work + k)) return 3;
-  }
-  double worst = 0;
-  for (int k = 0; k < threads; k++) {
-    pthread_join(thread[k], NULL);
-    if (!(work[k].worst <= worst)) worst = work[k].worst;
-  }
-  printf("%.1e\\n", worst);
-  return 0;
-}
-"""
-"""A program that computes recorded calls again, and prints by how much they differ."""
-
-_METHOD = """
-/* phases, iterations, whether multipliers are given; flags; rule; numbers; guess; tolerance, rows,
-   barrier, closest; multipliers given; status; motion; multipliers */
-static void compute(const Call *c, double *worst) {
-  const int64_t *whole = (const int64_t *)c->array[0], *flags = (const int64_t *)c->array[1];
-  int64_t n = 0;
-  for (int64_t q = 0; q < whole[0]; q++) n += flags[q];
-  double *motion = copied(c->array[4], 8 * c->count[4]);
-  double *multipliers = copied(c->array[6], 8 * c->count[6]);
-  const Settings settings = {.tolerance = c->array[5][0], .rows = c->array[5][1],
-                             .barrier = c->array[5][2], .closest = c->array[5][3],
-                             .iterations = whole[1], .is_warm = whole[2]};
-  Report report;
-  void *memory = block(workspace(n, whole[0]));
-  const double status = solve(whole[0], flags, c->array[2], c->array[3], motion, multipliers,
-                              &settings, &report, memory);
-  compare(&status, c->array[7], 1, worst);
-  if (status == 0) compare(motion, c->array[8], c->count[8], worst);
-  for (int64_t i = 0; status == 0 && i < c->count[9]; i++)
-    if (!isfinite(multipliers[i])) *worst = NAN;
-  free(memory);
-  free(multipliers);
-  free(motion);
-}
-"""
-
-_GAUSS = """
-/* n and width; rows; status; solution */
-static void compute(const Call *c, double *worst) {
-  const int64_t n = ((const int64_t *)c->array[0])[0], width = ((const int64_t *)c->array[0])[1];
-  double *rows = copied(c->array[1], 8 * c->count[1]);
-  const double done = gauss(n, width, rows);
-  compare(&done, c->array[2], 1, worst);
-  for (int64_t i = 0; done && i < n; i++)
-    compare(rows + width * i + n, c->array[3] + i, 1, worst);
-  free(rows);
-}
-"""
-
-
-_MESH = """
-/* sizes; numbers; then arrays as in Mesh, empty if absent; status; results */
-static void compute(const Call *c, double *worst) {
-  const int64_t *size = (const int64_t *)c->array[0];
-  const double *number = c->array[1], *array[10];
-  for (int i = 0; i < 10; i++) array[i] = c->count[2 + i] ? c->array[2 + i] : NULL;
-  double *results = block(8 * c->count[13]);
-  Mesh mesh = {size[0], size[1], size[2], size[3], size[4], size[5],
-               number[0], number[1], number[2], number[3], number[4], number[5], number[6],
-               array[0], array[1], array[2], array[3], array[4], array[5], array[6], array[7],
-               array[8], array[9], rows, results};
-  const double status = (double)on_mesh(&mesh);
-  compare(&status, c->array[12], 1, worst);
-  if (status == 0) compare(results, c->array[13], c->count[13], worst);
-  free(results);
 }
 """
 _TAKEN = "static double *taken("
@@ -200,6 +73,7 @@ static double *taken(double **memory, int64_t numbers) {
   return malloc((size_t)numbers * sizeof(double));
 }
 """
+"""What gives out parts of one block of memory, and what takes its place: each by itself."""
 
 
 class Finding(deltaopt.DeltaOptError):
@@ -346,19 +220,20 @@ def _add(
 
 def _method_text(method: CompiledMethod) -> str:
     text = source(method.problem, len(method.points.fractions))
-    assert text.count(_PARTS) == 1
-    before, after = text.split(_PARTS)
-    unused = "__attribute__((unused)) static void *part_of_one_block("
-    return before + _OWN_PARTS + unused + after + _READING + _METHOD
+    return f"{_replaced(text, _PARTS, _OWN_PARTS)}\n#define METHOD\n{_RECORDED}"
 
 
 def _mesh_text(function: RowFunction, *, own_parts: bool) -> str:
     rows, text = vectorised.source(function.function), sweep.source()
-    assert text.count(_TAKEN) == 1
-    before, after = text.split(_TAKEN)
-    if own_parts:
-        text = before + _OWN_TAKEN + "__attribute__((unused)) static double *of_one_block(" + after
-    return rows + text + _READING + _MESH
+    text = _replaced(text, _TAKEN, _OWN_TAKEN) if own_parts else text
+    return f"{rows}{text}\n#define MESH\n{_RECORDED}"
+
+
+def _replaced(text: str, declared: str, own: str) -> str:
+    """C text with another function instead of one that is declared so."""
+    assert text.count(declared) == 1
+    unused = f"__attribute__((unused)) {declared.rstrip('(')}_as_it_was("
+    return text.replace(declared, f"#include <stdlib.h>\n{own}{unused}")
 
 
 def _rows_text(function: RowFunction) -> str:
@@ -387,7 +262,7 @@ def _rows_text(function: RowFunction) -> str:
     ]
     return (
         vectorised.source(function.function, guarded=function.guarded, times=function.times)
-        + _READING
+        + _RECORDED
         + "\n".join(lines)
         + "\n"
     )
@@ -406,7 +281,7 @@ def dense_systems() -> Program:
         solution = np.full(n, np.nan) if found is None else found
         whole = np.array([n, width], dtype=np.int64)
         calls.append([whole, rows.ravel(), np.array([float(found is not None)]), solution])
-    return Program("dense solver", dense_solver.C_TEXT + _READING + _GAUSS, calls)
+    return Program("dense solver", f"{dense_solver.C_TEXT}\n#define GAUSS\n{_RECORDED}", calls)
 
 
 def check_controller(robot: deltaopt.Robot, sanitizer: str) -> str:
