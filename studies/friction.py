@@ -142,23 +142,18 @@ def _measured(case: int, index: int, move: Scene, best: bool) -> Measured:
         spent = min(spent, *(attempted(partial(plan, move))[2] for _ in range(2)))
     others = [attempted(partial(plan, move, **other))[0] for other in _OTHERS * best]  # type: ignore[arg-type]
     known = [other.duration for other in (found, *others) if other]
-    least = min(each[2] for each in times)
-    if found is None:
-        return Measured(
-            case, index, least, spent, inf, inf, inf, False, False, min(known, default=inf), 0
-        )
     return Measured(
         case,
         index,
-        least,
+        min(each[2] for each in times),
         spent,
-        _work(found) / _work(plain),
-        found.duration,
-        found.gap,
-        found.within_tolerance,
-        verify(move, found.trajectory).ok,
-        min(known),
-        len(found.meshes),
+        _work(found) / _work(plain) if found else inf,
+        found.duration if found else inf,
+        found.gap if found else inf,
+        found is not None and found.within_tolerance,
+        found is not None and verify(move, found.trajectory).ok,
+        min(known, default=inf),
+        len(found.meshes) if found else 0,
     )
 
 

@@ -171,10 +171,6 @@ def swings(plan: Plan) -> int:
                 total, rising, high = total + (rising is False), True, value
             elif rising is not False and high - value > _SWING * limit:
                 total, rising, low = total + (rising is True), False, value
-            if rising is True:
-                low = value if value >= high else low
-            elif rising is False:
-                high = value if value <= low else high
     return total
 
 

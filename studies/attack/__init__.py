@@ -64,7 +64,7 @@ def _rows(arguments: argparse.Namespace) -> list[Row]:
     keys = [
         (kind, i)
         for kind in arguments.kinds
-        for i in range(fewer if kind in COSTLY else arguments.number)
+        for i in range(fewer if KINDS[kind] in COSTLY else arguments.number)
     ]
     with ThreadPoolExecutor(arguments.workers) as pool:
         return kept_rows(

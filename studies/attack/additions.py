@@ -18,7 +18,7 @@ from deltaopt.mechanisms.delta import functions, slender_bars
 from deltaopt.mechanisms.delta.kinematics import inverse_kinematics
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters, delta
 from deltaopt.scene.known_limits import LIMITS
-from studies.attack.attempts import Attempt, Generator, Kind
+from studies.attack.attempts import Attempt, Generator
 from studies.attack.checks import Loads, loads, sampled
 from studies.problems import ORSINO, PROBLEMS
 
@@ -177,6 +177,3 @@ def own_terms(rng: Generator) -> Attempt:
         return "" if low else f"{plan.duration:.6f} s, proven: {plan.lower_bound:.6f} s"
 
     return Attempt(f"springs, from {x:.5f} to {other:.5f} m, y ± {y:.5f} m", made)
-
-
-KINDS: dict[str, Kind] = {"own_limits": own_limits, "own_terms": own_terms}

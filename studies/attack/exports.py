@@ -9,7 +9,7 @@ import numpy as np
 
 import deltaopt
 from deltaopt.curves.piecewise import Array
-from studies.attack.attempts import Attempt, Generator, Kind, command
+from studies.attack.attempts import Attempt, Generator, command
 from studies.attack.checks import table_share
 from studies.problems import PICK_AND_PLACE
 
@@ -57,6 +57,3 @@ def exports(rng: Generator) -> Attempt:
         return "" if share < 1.001 or text.startswith("#") else f"asks for {share:.3f} of a torque"
 
     return Attempt(f"{target}, {controller}, {cycle}, {slower} times as slow", made)
-
-
-KINDS: dict[str, Kind] = {"exports": exports}

@@ -12,7 +12,7 @@ import numpy as np
 import deltaopt
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.robot.model import delta_model
-from studies.attack.attempts import Attempt, Generator, Kind
+from studies.attack.attempts import Attempt, Generator
 from studies.attack.checks import faults
 from studies.problems import INDUSTRIAL, PICK_AND_PLACE, PROBLEMS
 
@@ -294,12 +294,3 @@ def extremes(rng: Generator) -> Attempt:
         return "; ".join(faults(plan.scene, plan.trajectory))
 
     return Attempt(f"{what}, 10^{power}, {number}, to {end:.4f}", made)
-
-
-KINDS: dict[str, Kind] = {
-    "motions": motions,
-    "damaged": damaged,
-    "strays": strays,
-    "triples": triples,
-    "extremes": extremes,
-}

@@ -77,10 +77,19 @@ def row_of(each: Move, tolerance: float) -> Row:
     begin = process_time()
     try:
         found = plan(each.scene, tolerance=tolerance)
-    except DeltaOptError as error:
-        return _without_plan(each, process_time() - begin, error, _checked(each.scene))
     except Exception as error:  # a fault of the program is what a campaign looks for
-        return _without_plan(each, process_time() - begin, error, Possibility(True))
+        seconds = process_time() - begin
+        is_foreseen = isinstance(error, DeltaOptError)
+        checked = _checked(each.scene) if is_foreseen else Possibility(True)
+        return Row(
+            number=each.number,
+            robot=each.scene.robot.name,
+            stratum=each.stratum,
+            seconds=seconds,
+            possible=checked.found,
+            problem=f"{type(error).__name__}: {error}",
+            impossible=checked.against,
+        )
     seconds = process_time() - begin
     try:
         problems = list(verify(each.scene, found.trajectory).failures())
@@ -105,18 +114,6 @@ def row_of(each: Move, tolerance: float) -> Row:
 def _checked(scene: Scene) -> Possibility:
     """What an independent check tells of a scene without a plan."""
     return of_belt(scene) if isinstance(scene.goal, Belt) else possibility(scene)
-
-
-def _without_plan(each: Move, seconds: float, error: Exception, checked: Possibility) -> Row:
-    return Row(
-        number=each.number,
-        robot=each.scene.robot.name,
-        stratum=each.stratum,
-        seconds=seconds,
-        possible=checked.found,
-        problem=f"{type(error).__name__}: {error}",
-        impossible=checked.against,
-    )
 
 
 def row_of_number(folder: Path, seed: int, tolerance: float, number: int) -> Row:

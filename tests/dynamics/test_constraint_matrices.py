@@ -7,8 +7,8 @@ import pytest
 from deltaopt.dynamics.constraint_matrix import ClosedForm, NullSpace, Partition
 from deltaopt.dynamics.linear import reflect, solve_scalars
 from deltaopt.mechanisms.delta.mechanism import delta
-from studies.spherical_pendulum import spherical_pendulum
 from tests import paper_delta as paper
+from tests.spherical_pendulum import spherical_pendulum
 
 MATRICES = [ClosedForm(), Partition((0, 1, 2)), Partition((3, 6, 9)), NullSpace()]
 

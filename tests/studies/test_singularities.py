@@ -24,8 +24,8 @@ from deltaopt.robot.robot import load_robot
 from studies.models.families import Family, Maker, delta_families
 from studies.models.singularities import big_system
 from studies.problems import PROBLEMS
-from studies.spherical_pendulum import spherical_pendulum
 from tests.dynamics.bricard import bricard, bricard_start
+from tests.spherical_pendulum import spherical_pendulum
 
 PENDULUM = spherical_pendulum(1.0, 1.0, 9.81, lambda t: 0.1 * ca.sin(6 * t))
 

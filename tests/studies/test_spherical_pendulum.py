@@ -18,8 +18,8 @@ from deltaopt.dynamics.constraint_matrix import ClosedForm, NullSpace, Partition
 from deltaopt.dynamics.kane import Kane
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.virtual_work import VirtualWork
-from studies.spherical_pendulum import spherical_pendulum
 from tests import paper_delta
+from tests.spherical_pendulum import spherical_pendulum
 
 L, MASS, G = 0.7, 1.3, 9.81
 HEIGHT, RATE = 0.1, 7.0
