@@ -22,6 +22,7 @@ from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.planning.first_motions.initial_motion import detour, line, roughly_fastest
 from deltaopt.planning.first_motions.order_of_merit import SLOW
+from deltaopt.planning.journal import Entry
 from deltaopt.planning.planner import plan
 from deltaopt.scene.scene import Scene
 from studies.bench.hard_moves import ROBOTS, move
@@ -29,9 +30,6 @@ from studies.bench.strata import STRATA
 
 OF = ("inside", "edge", "border", "longest inside", "longest edge", "longest border", "weak edge")
 SMALL = {"number": 1, "strata": OF[:1]}
-
-_ANOTHER = "from a first motion of"
-"""What the progress of a plan says of every attempt after the first."""
 
 
 @dataclass(frozen=True)
@@ -49,18 +47,16 @@ class Searched:
 
 def searched(scene: Scene) -> Searched | None:
     """Plan a scene; None if it is refused."""
-    said = list[str]()
     begin = process_time()
     try:
-        found = plan(scene, progress=said.append)
+        found = plan(scene)
     except DeltaOptError:
         return None
     planned = process_time()
     with suppress(DeltaOptError):
         detour(scene)
-    attempts = 1 + sum(text.startswith(_ANOTHER) for text in said)
     return Searched(
-        attempts,
+        sum(isinstance(each, Entry) for each in found.journal),
         found.iterations,
         _times_the_bound(scene),
         planned - begin,

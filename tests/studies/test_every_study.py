@@ -17,6 +17,7 @@ SAYS = {
     "bodies": "1 of 1 planned, 1 verified",
     "conventions": "conventions.png",
     "cycle": "| industrial | line across |",
+    "first_motions": "inside               7       0   100.0%      1",
     "frontier": "On free moves within 0.01 by Ipopt flat",
     "frozen": "cases agree to 1e-09",
     "gallery": "gallery_platform_speed.png",
