@@ -15,12 +15,14 @@ Robots whose own limits are of torque rates or jerk are left out: their paths ar
 from __future__ import annotations
 
 import argparse
+from math import exp, log
 from pathlib import Path as File
 
 import numpy as np
 
 import deltaopt
 from deltaopt.cli.streams import say
+from deltaopt.curves.halving import bisected_number
 from deltaopt.curves.piecewise import Array
 from deltaopt.planning.comparisons import rounded_path_over
 from deltaopt.robot.model import delta_model
@@ -89,11 +91,7 @@ def by_law(scene: deltaopt.Scene, shape: str) -> float:
         tau = model.inverse_dynamics(x, v / duration, a / duration**2)
         return duration >= fastest and bool((np.abs(tau) <= torque).all())
 
-    low, high = 1e-2, 10.0
-    while high / low > 1 + 1e-6:
-        middle = float(np.sqrt(low * high))
-        low, high = (low, middle) if is_kept(middle) else (middle, high)
-    return high
+    return exp(bisected_number(lambda s: is_kept(exp(s)), log(1e-2), log(10.0), 23)[1])
 
 
 def sampled_law(scene: deltaopt.Scene, shape: str) -> tuple[Array, Array, Array]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from math import exp, log
 from pathlib import Path
 from time import process_time
 
@@ -20,6 +21,7 @@ import numpy as np
 
 import deltaopt
 from deltaopt import Cycle, Scene
+from deltaopt.curves.halving import bisected_number
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.progress_bar import ProgressBar
@@ -110,17 +112,14 @@ def rate_of_timed(legs: Sequence[Scene]) -> Rate:
 def _rate(fastest: float, squares: Callable[[float], Array], rms: Array) -> float:
     """Parts a minute of a cycle that takes ``fastest`` (s) at least, slowed until its ∫ τ² dt, by
     the factor of slowing, are those of RMS torques, (3,), N·m."""
-    low, high = 1.0, 20.0
 
     def is_kept(slower: float) -> bool:
         return bool((squares(slower) <= rms**2 * slower * fastest).all())
 
-    if is_kept(low):
+    if is_kept(1.0):
         return 60 / fastest
-    while high / low > 1 + 1e-7:
-        middle = float(np.sqrt(low * high))
-        low, high = (low, middle) if is_kept(middle) else (middle, high)
-    return 60 / (high * fastest)
+    slower = exp(bisected_number(lambda s: is_kept(exp(s)), 0.0, log(20.0), 25)[1])
+    return 60 / (slower * fastest)
 
 
 def rows(name: str, robot: deltaopt.Robot, shares: Sequence[float]) -> Iterator[Row]:
