@@ -20,15 +20,15 @@ from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, Truths
 from deltaopt.scene.path import Path
 
 _ENOUGH = 5e-10
-"""Share beyond what is asked for at which a part is not halved any more: half of what verification
-allows."""
+"""A part is halved no further once its bound is within this share of what is asked for: half of
+what verification allows."""
 _KNOWN = 1e-3
-"""Share of an excess to which it is known."""
+"""Relative accuracy to which an excess is computed."""
 _HALVINGS, _MOST = 40, 400_000
-"""Of a piece, and parts that are looked at in all: what is not known then is told as bad as it may
-be."""
+"""How often a piece is halved at most, and how many parts are looked at in all. What is not known
+by then is reported as the worst that it may be."""
 _FEWEST = 1000
-"""Parts that are looked at in any case, so that a distance within the bound is told too."""
+"""How many parts are looked at in any case, so that distances within the bound are reported too."""
 
 
 Inside = Callable[[Index, Array, Array, Array], Array]
@@ -54,7 +54,7 @@ class _Parts:
         return len(self.pieces)
 
     def halved(self, which: Truths) -> _Parts:
-        """First halves of some of them, then second ones."""
+        """Both halves of some of the parts: all first halves, then all second ones."""
         pieces, in_piece, s = self.pieces[which], self.ends[which], self.s[which]
         first, second = halves(self.points[which])
         middle = in_piece.mean(axis=1)

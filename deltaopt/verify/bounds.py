@@ -6,37 +6,40 @@ from dataclasses import dataclass
 from math import inf
 
 EXCESS = 1e-9
-"""Of every limit, as a share of it: above rounding of inverse dynamics, below any meaning of a
-limit."""
+"""Share by which a motion may exceed any limit: more than the rounding of inverse dynamics, and far
+less than anybody knows a limit to."""
 BOUNDARY_DISTANCE = 1e-7
-"""Of the upper arm, also for jumps: encoders see a millionth; an NLP solved to 1e-8 leaves less."""
+"""Share of the upper arm's length by which a position may be wrong, at the ends and where it jumps:
+encoders see a millionth, and an optimisation that is solved to 1e-8 leaves less than this."""
 BOUNDARY_SPEED = 3e-7
-"""Upper arms in the duration of the motion, also for jumps: less than a nanometre within a
-controller's millisecond."""
+"""By how much a velocity may be wrong, in upper arms' lengths per duration of the motion: less than
+a nanometre within a controller's millisecond."""
 DYNAMIC_ERROR = 1e-9
-"""In units of the arm and of ``Units.time``, in which accelerations are 1 to 100: rounding leaves
-1e-14."""
+"""By how much accelerations may be wrong, in the units of ``Units``, in which they are 1 to 100.
+Rounding leaves 1e-14."""
 _SHARE = 1e-3
-"""Of the way, and of its mean speed: a motion of a micrometre is held to less than one."""
+"""Share of the distance from start to goal (or of the mean speed) by which a place (or a velocity)
+may be wrong: so a motion of a micrometre is held to less than a micrometre."""
 _ROUNDING = 1e-13
-"""Of the upper arm, and of it in ``Units.time``: to which the integration of a piece is known. It
-is more than the shares of a way of nanometres or of a motion of years."""
+"""Accuracy of integrating a piece of a motion, as a share of the upper arm's length, or of that per
+``Units.time``. Without it motions of nanometres, or of years, would be held to less than this."""
 
 
 Sizes = tuple[float, float, float, float]
-"""Of a motion, as ``Verification`` calls them: ``arm`` and ``way``, m, ``duration`` and
-``time_unit``, s."""
+"""The lengths (``arm``, ``way``, m) and times (``duration``, ``time_unit``, s) of a verification,
+of which tolerances are shares."""
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How much of something may be, in its ``unit``.
+    """The most that a measure with this ``unit`` may be.
 
-    ``at_most``: of the upper arm's length (m), of that length in the motion's duration (m/s) or in
-    its square (m/s²), or of the duration (s), so that large and small robots are held to the same;
-    of nothing else. ``share``: of the distance from start to goal (m) or of the mean speed (m/s),
-    if that is less. ``rounding``: of the upper arm (m) or of it in ``Units.time`` (m/s), if that is
-    more.
+    Large and small robots are held to the same, so numbers are relative. ``at_most``: a share of
+    the upper arm's length (unit m), of that length per duration of the motion (m/s), per squared
+    duration (m/s²), or of the duration (s); an absolute number for any other unit. ``share``: a
+    share of the distance from start to goal (m) or of the mean speed (m/s), which counts where it
+    is less. ``rounding``: a share of the upper arm's length (m), or of that per ``Units.time``
+    (m/s), below which no tolerance falls.
     """
 
     unit: str
@@ -45,7 +48,7 @@ class Tolerance:
     rounding: float = 0.0
 
     def of(self, sizes: Sizes) -> float:
-        """The most of a motion of these sizes, in the unit."""
+        """That number for a motion of these sizes, in the unit."""
         arm, way, duration, time_unit = sizes
         rate, own_rate = (1 / t if t > 0 else inf for t in (duration, time_unit))
         units = {"s": duration, "m": arm, "m/s": arm * rate, "m/s²": arm * rate**2}
@@ -59,29 +62,32 @@ class Tolerance:
 
 
 _DURATION = Tolerance("s", 1e-10)
-"""Of a duration that the scene gives."""
+"""For a duration that the scene prescribes."""
 _OVERLAP = Tolerance("m", 2e-9)
-"""By which a link may be too near to a body: rounding, and what bounds leave."""
+"""By how much a link may be too near to a body: rounding, and what the search leaves unknown."""
 _PLACE = Tolerance("m", BOUNDARY_DISTANCE, _SHARE)
 _SPEED = Tolerance("m/s", BOUNDARY_SPEED, _SHARE)
 _ACCELERATION = Tolerance("m/s²", 1e-6)
-"""Also of jumps: a millionth of what a motion asks for, where it is continuous."""
+"""For accelerations at the ends, and for their jumps where they are to be continuous: a millionth
+of what motions have."""
 _LOOPS = Tolerance("1", 1e-9)
-"""Of the upper arm and of the mean speed: rounding of the closed-form kinematics leaves 1e-15."""
+"""For how far the loops are open, in upper arms' lengths and mean speeds: rounding of the
+closed-form kinematics leaves 1e-15."""
 _PIECE_DISTANCE = Tolerance("m", 1e-7, _SHARE, _ROUNDING)
-"""After a piece of the motion: integration leaves 1e-12."""
+"""For how far the torques lead off within a piece of the motion; integration itself leaves
+1e-12."""
 _PIECE_SPEED = Tolerance("m/s", 5e-5, _SHARE, _ROUNDING)
-"""After a piece of it: a ten-thousandth of the speed."""
+"""The same for the velocity: a ten-thousandth of the speed."""
 _ARRIVAL_DISTANCE = Tolerance("m", 1e-5, 1e-2)
-"""Some micrometres, the most the project promises: good robots repeat to 1e-4 m. Of where the
-torques lead a larger share of the way and of the speed is allowed."""
+"""For where the torques lead the platform from start to goal without feedback: some micrometres, as
+good robots repeat a position to 1e-4 m. A larger share of the way, and of the speed, is allowed."""
 _ARRIVAL_SPEED = Tolerance("m/s", 5e-4, 1e-2)
 
 
 @dataclass(frozen=True)
 class Check:
-    """One measure of a motion, the most that it may be, their unit, and what to say of a value
-    that is more."""
+    """One measure of a motion beside the most that it may be, in one unit, and the sentence to say
+    if it is more."""
 
     measure: str
     value: float
@@ -96,21 +102,21 @@ class Check:
 
     @property
     def cells(self) -> tuple[str, str, str, str]:
-        """For a table: what is measured, its value, the most that it may be, and their unit."""
+        """The columns of a table: what is measured, its value, its bound, and their unit."""
         name = self.measure.replace("_", " ")
         return name, f"{self.value:.1e}", f"{self.at_most:.0e}", self.unit
 
 
 @dataclass(frozen=True)
 class Bound:
-    """The most a measure may be, and what to say of a value that is more: in the place of {} that
-    value and its unit."""
+    """The most that a measure may be, and the sentence to say if it is more; {} in it stands for
+    the value with its unit."""
 
     tolerance: Tolerance
     complaint: str
 
     def check(self, measure: str, value: float, sizes: Sizes) -> Check:
-        """A value of the measure beside the most that it may be in a motion of these sizes."""
+        """Hold a value of the measure against its bound in a motion of these sizes."""
         most, unit = self.tolerance.of(sizes), self.tolerance.unit
         told = f"{value:.3g} {unit}".removesuffix(" 1")
         return Check(measure, value, most, unit, self.complaint.format(told))
@@ -153,7 +159,7 @@ BOUNDS = {
         _PIECE_SPEED, "its torques give a speed {} off its own within a piece of it"
     ),
 }
-"""Of everything but limits, whose excesses are measures of their own, each at most ``EXCESS``."""
+"""For all measures but the excesses of limits, each of which may be ``EXCESS``."""
 
 ARRIVAL_BOUNDS = {
     "arrival_distance": Bound(
@@ -163,4 +169,4 @@ ARRIVAL_BOUNDS = {
         _ARRIVAL_SPEED, "its torques leave the platform with a velocity {} off the goal's"
     ),
 }
-"""Of the arrival, unless a motion is so long that rounding decides where it ends."""
+"""For the arrival, unless a motion is so long that rounding decides where it ends."""

@@ -45,13 +45,13 @@ from deltaopt.scene.scene import Scene
 from deltaopt.verify.measures import Excess, excess_of
 
 ENOUGH = 5e-10
-"""m below what is asked for, at which a part is not halved any more: half of what verification
-allows."""
+"""m: a part of the motion is halved no further once its bound is this near to the clearance asked
+for. It is half of what verification allows."""
 HALVINGS, MOST = 30, 400_000
-"""Of a piece, and parts that are looked at in all: what is not known then is told as bad as it may
-be."""
+"""How often a piece is halved at most, and how many parts are looked at in all. What is not known
+by then is reported as the worst that it may be."""
 FIRST = 8
-"""Parts of each piece to begin with."""
+"""How many equal parts each piece is divided into first."""
 
 
 def clearance_excess(scene: Scene, trajectory: Trajectory) -> Excess | None:
@@ -167,9 +167,9 @@ def _nearest_place(triangles: Array, normals: Array, height: Array, x: Array) ->
 
 
 _FRACTIONS = np.linspace(0.0, 1.0, 5)
-"""Of every interval, where the robot is looked at."""
+"""Where in every interval the distances of arms and forearms are sampled, as fractions of it."""
 _CLOSELY = 1e-13
-"""m: to what the distance of a line is found."""
+"""Accuracy, m, to which the distance of a line from a body is computed."""
 
 
 def robot_clearance(scene: Scene, trajectory: Trajectory) -> float | None:

@@ -34,17 +34,17 @@ the integration into 1e-8 m, a thousandth of what is asked."""
 _HOPELESS = 1e10
 """Amplification beyond which the arrival is all rounding, and is not computed."""
 _FIFTHS, _MIDDLE = np.array([0.1, 0.3, 0.5, 0.7, 0.9]), np.array([0.5])
-"""Fractions of an interval: the middles of the stretches on which its linearisation is taken as
-constant."""
+"""Fractions of an interval at which its dynamics are linearised, each for the stretch about it:
+five stretches, or one."""
 _MOST_PIECES = 600
-"""Of a motion: so many take a second. Of every interval of a longer motion pieces are followed that
-are spread evenly over it, the first and the last among them."""
+"""How many pieces of a motion are integrated at most, which takes a second. Where there are more,
+pieces that are spread evenly over every interval are, the first and the last among them."""
 _MOST_STRETCHES = 100
-"""Of a motion whose intervals have five stretches each: more take up to a fifth of the time of a
-verification, and change the amplification in its third digit."""
+"""A motion with more stretches than this has one for each interval instead of five: more take up to
+a fifth of the time of a verification, and change the amplification in its third digit."""
 _FEWEST_PIECES = 4
-"""Of an interval, for each coefficient of its polynomial, where it has more: the polynomial and
-what follows from it are known by fewer."""
+"""How many pieces of an interval are integrated at least, for each coefficient of its polynomial,
+if it has as many: fewer already determine the polynomial."""
 
 
 class NotIntegrated(Exception):

@@ -32,15 +32,16 @@ from deltaopt.verify.duty import Duty, duty
 from deltaopt.verify.resolved_curves import DEGREE, Cells, ResolvedCurves, ResolvedPeaks
 
 RESOLVED = 1e-10
-"""To so much of the larger of its limit and itself a measure is known between samples: a tenth of
-the excess that a motion may have, ten thousand times its rounding."""
+"""Relative accuracy of measures between samples, as a share of the limit, or of the measure if that
+is larger: a tenth of the excess that a motion may have, ten thousand times its rounding."""
 _ROUNDING = 1e-14
-"""Over the distance to the nearest singularity (of 1): relative rounding of measures there, with a
-safety of 30 over what is seen from 1e-2 to 1e-10 m of a serial one. Less is never resolved."""
+"""Relative rounding of measures is taken to be this over the distance from the nearest singularity,
+which is 1 at best: 30 times what is seen from 1e-2 to 1e-10 m beside a serial one. Measures are
+never asked to be more accurate than that."""
 _SAFE = 1e-12
-"""Excess of a motion that needs no slowing: rounding of measures that reach their limit."""
+"""Share by which a motion may exceed limits without being slowed: rounding."""
 _EXCHANGES = 30
-"""Rounds of the search for a safe duration; it takes three as a rule."""
+"""How many rounds the search for a safe duration takes at most; three as a rule."""
 _SLOWEST = 1e-6
 """Least share of the motion's speed that is tried."""
 
@@ -53,8 +54,8 @@ class Excess:
 
     ``limit`` and ``unit`` are the limit's. ``subject``: what it is a limit of, "motor 2". ``t``: s,
     from the motion's first knot. ``value``: by how much the limit is exceeded, as a share of its
-    natural size; negative within it. ``amount``: the same in its unit. ``falls_below``: whether
-    a lower bound is meant that is not the mirror image of an upper one.
+    natural size; negative within it. ``amount``: the same in its unit. ``falls_below``: whether the
+    limit is a least value, unless it is one of two bounds such as ± 10.
     """
 
     limit: str
@@ -104,8 +105,8 @@ def key(limit: str) -> str:
 class MeasuredMotion:
     """A motion with everything that a scene's limits ask of it, between samples too.
 
-    ``sides``: what each excess is of, measured at no instant yet, and its natural size in its unit;
-    in the order of columns.
+    ``sides``: for each column of excesses what it is of, as an `Excess` without values, and the
+    natural size of the limit in its unit.
     """
 
     def __init__(self, scene: Scene, trajectory: Trajectory) -> None:
@@ -286,15 +287,15 @@ class MeasuredMotion:
 
 
 def not_measured(scene: Scene) -> dict[str, Excess]:
-    """Of a motion that has no measures: infinite ones."""
+    """The excesses of a motion that cannot be measured: infinite, by name."""
     limits = [limit for limit in limits_of(scene).constraints.limits if limit.promised]
     excesses = (Excess(each.name, scene.robot.unit(each.unit), each.subject) for each in limits)
     return {each.key: each for each in excesses}
 
 
 def excess_of(scene: Scene, measure: OwnMeasure) -> Excess | None:
-    """Of the limit that a measure of its own is for: infinite. None where the scene has no such
-    limit."""
+    """The excess, not measured yet, of the limit that has this measure of its own. None where the
+    scene has no such limit."""
     limits = limits_of(scene).constraints.limits
     own = (each for each in limits if each.own_measure is measure)
     return next((Excess(e.name, e.unit, e.subject) for e in own), None)
@@ -302,8 +303,8 @@ def excess_of(scene: Scene, measure: OwnMeasure) -> Excess | None:
 
 @lru_cache(maxsize=32)
 def _function(functions: Functions, items: Items) -> tuple[RowFunction, tuple[int, ...]]:
-    """(x, v, a[, j], numbers of the limits and p) -> the columns of ``MeasuredMotion.curves``; θ̇, θ̈
-    and τ. And how many quantities each item measures."""
+    """(x, v, a[, j], numbers of the limits and p) -> the columns of ``MeasuredMotion.curves``; θ̇,
+    θ̈ and τ. And how many quantities each item measures."""
     order, p = Constraints(items).order, functions.symbols()
     symbols = [ca.SX.sym(name, 3) for name in "xvaj"[: order + 1]]
     x, v, a, *rest = symbols

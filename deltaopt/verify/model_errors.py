@@ -63,9 +63,9 @@ def model_errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
 
 @lru_cache(maxsize=16)
 def _residuals(functions: Functions, formulation: Formulation) -> ca.Function:
-    """(q, q̇, q̈, τ, p) -> (f, J q̇ + μ), q̈ - q̈(q, q̇, τ). By eq. (37) it is slower than by eq. (39)
-    and accurate near serial singularities too, where eq. (39) is exact to rounding over the squared
-    distance alone."""
+    """(q, q̇, q̈, τ, p) -> (f, J q̇ + μ), q̈ - q̈(q, q̇, τ). By eq. (37) it is slower than by eq.
+    (39) and accurate near serial singularities too, where eq. (39) is exact to rounding over the
+    squared distance alone."""
     m = functions.mechanism
     closure = ca.Function("closure", [m.q, m.dq, m.parameters], [m.holonomic, m.constraint_rate])
     q, dq, ddq = (ca.MX.sym(name, m.q.numel()) for name in ("q", "dq", "ddq"))

@@ -22,11 +22,12 @@ from deltaopt.verify.away_from_path import from_moving_place, largest_distance
 from deltaopt.verify.measures import Excess, excess_of
 
 _IN_PIECE = 64
-"""Places of every piece of the path among which the nearest is looked for first."""
+"""How many places of every piece of the path are compared before Newton's method refines the
+nearest."""
 _STEPS = 50
-"""Of Newton's method from there: where the path turns back it gains only a digit in three steps."""
+"""Of Newton's method at most: where the path turns back it gains one digit in three steps."""
 _AT_ONCE = 1_000_000
-"""Distances that are compared at once, in 8 MB."""
+"""How many distances are computed at once, in 8 MB."""
 _AS_NEAR = 1e-10
 """By how much a place must be nearer, m, to count instead of an earlier one: less is rounding."""
 _NODES, _WEIGHTS = gauss(24)

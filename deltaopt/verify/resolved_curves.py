@@ -28,20 +28,22 @@ Tolerance = Callable[[Array], Array]
 """Values of curves in cells (M, DEGREE + 1, c) -> to what each is to be known there, (M, c)."""
 
 DEGREE = 24
-"""Of the interpolating polynomials: 23 samples inside of a cell. Fewer need more cells, more are
-wasted on the short pieces of a plan."""
+"""Degree of the interpolating polynomials: 23 samples inside of a cell, and one at each end. A
+lower one needs more cells, a higher one is wasted on the short pieces of a plan."""
 _TAIL = 4
-"""So many last coefficients make the bound: odd and even ones of one curve may vanish."""
+"""How many of the last coefficients are added up to bound the error: of a single one nothing
+follows, as the odd or the even ones of a curve may vanish."""
 _NARROWEST = 2.0**-32
-"""Of a piece, the width of a cell that is not halved: a jump may be left there, not a peak."""
+"""Width of a cell, as a share of its piece, that is halved no further: so narrow a cell may hide a
+jump, but no peak."""
 _MOST = 6000
-"""Cells in all, or twice as many as a motion has pieces: one that needs more is too rough to be
-told from rounding."""
+"""How many cells there are at most, or twice as many as the motion has pieces if that is more: what
+needs more cannot be told from rounding."""
 _ROUNDING = 1e3
-"""Of the tolerance: tails less than that which both halves of a cell have like the whole are taken
-for rounding, as of a polynomial whose terms cancel. A jump is in one half only."""
+"""Errors up to so many tolerances are taken for rounding, as of a polynomial whose terms cancel, if
+halving a cell reduces them in neither half. A jump stays in one half only."""
 _NEARLY = 1e-12
-"""Share of the largest value by which bounds of polynomials are taken to be higher: rounding."""
+"""Share of the largest value that is added to bounds of polynomials, for rounding."""
 _FINE = 4 * DEGREE
 _STEPS = 4  # of Newton's method from a place known to 1/4 of the samples' distance
 
@@ -61,12 +63,13 @@ _RATE: Array = np.vstack([chebyshev.chebder(np.eye(DEGREE + 1), axis=0), np.zero
 
 
 class TooRough(DeltaOptError):
-    """Curves that polynomials on thousands of cells do not follow."""
+    """The curves of a motion change too fast to be interpolated on thousands of cells."""
 
 
 @dataclass(frozen=True)
 class Cells:
-    """M parts of pieces: their ``piece``, ``begin`` and ``end``, fractions of the piece, (M,)."""
+    """M cells: the ``piece`` that each is a part of, and where it begins and ends in it, as
+    fractions of the piece, (M,) each."""
 
     piece: Index
     begin: Array
@@ -80,13 +83,13 @@ class Cells:
 
     @classmethod
     def even(cls, pieces: int, parts: int) -> Cells:
-        """As many parts of equal width of each piece."""
+        """Each piece divided into so many cells of equal width."""
         bounds = np.linspace(0.0, 1.0, parts + 1)
         piece = np.repeat(np.arange(pieces), parts)
         return cls(piece, np.tile(bounds[:-1], pieces), np.tile(bounds[1:], pieces))
 
     def cut(self, piece: Index, fraction: Array) -> Cells:
-        """These cells, cut at fractions of pieces, (N,) each."""
+        """These cells, divided at N places: a piece and a fraction of it each, (N,)."""
         kept = self.joined([self, Cells(piece, fraction, fraction)])
         kept = kept[np.lexsort([kept.begin, kept.piece])]
         begin, piece = kept.begin, kept.piece
@@ -173,7 +176,7 @@ class ResolvedCurves:
         return np.asarray(np.abs(self.coefficients[:, -_TAIL:]).sum(axis=1))
 
     def means(self) -> Array:
-        """Of each curve over each cell, (M, c)."""
+        """The mean of each curve over each cell, (M, c)."""
         return np.asarray(np.einsum("j,mjc->mc", WEIGHTS, self.values))
 
     def roots(self, curve: int, negligible: float) -> tuple[Index, Array]:
@@ -191,7 +194,8 @@ class ResolvedCurves:
         return np.array([m for m, _ in found], np.intp), np.array([s for _, s in found])
 
     def highest(self, number: int) -> ResolvedPeaks:
-        """Of the first so many curves: the tops of the polynomials, and the curves there."""
+        """The highest value of each of the first ``number`` curves: of its polynomials, or of its
+        samples where one is higher."""
         cell, curve, place = self._candidates(number)
         coefficients = self.coefficients[cell, :, curve].T  # (DEGREE + 1, candidates)
         rate = _RATE @ coefficients
