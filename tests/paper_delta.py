@@ -1,7 +1,7 @@
 """Sections 4 and 5 of the paper typed in as printed, and states of the Delta to try them on.
 
-Nothing here comes from the package but the records of parameters and of a partition: q and q̇ are
-arrays of 12 numbers, τ of 3, and indices start at 0 where the paper's start at 1.
+Nothing here comes from the package but the record of parameters: q and q̇ are arrays of 12
+numbers, τ of 3, and indices start at 0 where the paper's start at 1.
 """
 
 import json
@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters
 
 PHI = (0.0, 2 * pi / 3, -2 * pi / 3)
@@ -105,19 +104,6 @@ def jacobian(p, q):
         J[3 * k : 3 * k + 3, :3] = np.eye(3)
         J[3 * k : 3 * k + 3, 3 + 3 * k : 6 + 3 * k] = jacobian_block(p, q, k)
     return J
-
-
-def pivoted(J):
-    """The partition whose J° is far from singular where J was taken, by QR with column pivoting:
-    the next dependent coordinate is the one whose column is longest across those already chosen."""
-    across, dependent = np.array(J, dtype=float), []
-    for _ in across:
-        longest = int(np.linalg.norm(across, axis=0).argmax())
-        direction = across[:, longest] / np.linalg.norm(across[:, longest])
-        across -= np.outer(direction, direction @ across)
-        across[:, longest] = 0.0
-        dependent.append(longest)
-    return Partition(tuple(i for i in range(across.shape[1]) if i not in dependent))
 
 
 def constraint_matrix(p, q):

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from deltaopt.dynamics.linear import reflect, singular_directions, solve_scalars
 from deltaopt.dynamics.mechanism import SX, Mechanism
@@ -48,6 +50,23 @@ class Partition:
     """
 
     independent: tuple[int, ...]
+
+    @staticmethod
+    def pivoted(J: NDArray[np.float64]) -> Partition:
+        """The choice whose J° is far from singular where J (γ × n) was taken.
+
+        QR with column pivoting: the next dependent coordinate is the one whose column of
+        J is longest across those already chosen.
+        """
+        across = np.array(J, dtype=float)
+        dependent: list[int] = []
+        for _ in range(across.shape[0]):
+            longest = int(np.argmax(np.linalg.norm(across, axis=0)))
+            direction = across[:, longest] / np.linalg.norm(across[:, longest])
+            across -= np.outer(direction, direction @ across)
+            across[:, longest] = 0.0
+            dependent.append(longest)
+        return Partition(tuple(i for i in range(across.shape[1]) if i not in dependent))
 
     def function(self, mechanism: Mechanism) -> ca.Function:
         J = mechanism.J

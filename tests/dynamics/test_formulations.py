@@ -103,7 +103,7 @@ def agree(robot, states, one, other):
 
 def test_partition_pivoted_at_each_state(robot, states):
     q, dq, ddq, _ = states
-    choices = [paper.pivoted(paper.jacobian(robot.p, row)) for row in q]
+    choices = [Partition.pivoted(paper.jacobian(robot.p, row)) for row in q]
     tau, lam = robot.inverse(Multiplier(), q, dq, ddq)
     for choice in set(choices):
         rows = np.array([c == choice for c in choices])
