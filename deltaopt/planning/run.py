@@ -32,6 +32,7 @@ from deltaopt.planning.attempts import (
 )
 from deltaopt.planning.belt_places import PlacesOnBelt, TooLate
 from deltaopt.planning.effort_planning import require_possible
+from deltaopt.planning.few_points import any_overlap, with_few_points
 from deltaopt.planning.first_motions.around_bodies import CLEAR, is_clear, name_of_way
 from deltaopt.planning.first_motions.bands import without_bodies
 from deltaopt.planning.first_motions.initial_motion import Proposal
@@ -148,18 +149,24 @@ class Run(Loop):
             raise NotConverged("it runs into a body", "Not_Clear", found.trajectory)
         return found
 
+    def _at_once(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
+        """The plan in phases or where an end moves from the best first motion alone."""
+        first = next(simple_motions(scene, under_way))
+        return self._clear_from(from_motion(scene, first, self.optimiser.intervals), scene)
+
     def _at_least_cost(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan | None:
-        """Plan for another objective than time past bodies, or in a share of the fastest motion's
-        duration: from the usual first motions, and where these lead to no plan, or past bodies to
-        none near an optimum, from the fastest motion of all, near which the best is; past bodies a
-        share at once, for over edges other fastest motions may be slower. None of other scenes."""
-        past_bodies, is_share = limits_of(scene).constraints.has_convex, scene.objective.is_share
-        if not (past_bodies or is_share):
+        """Plan for another objective than time past bodies or where spheres of via points overlap,
+        or in a share of the fastest motion's duration: from the usual first motions, and where
+        these lead to no plan, or in the first two cases to none near an optimum, from the fastest
+        motion of all, near which the best is; in these cases a share at once, for other fastest
+        motions may be slower. None of other scenes."""
+        has_ways = limits_of(scene).constraints.has_convex or any_overlap(scene)
+        if not (has_ways or scene.objective.is_share):
             return None
         usual: Outcome | None = None
-        if not (past_bodies and is_share):
+        if not (has_ways and scene.objective.is_share):
             usual = or_error(self._plan_by_limits, scene, under_way)
-            if isinstance(usual, Plan) and (usual.gap <= NEAR_BEST or not past_bodies):
+            if isinstance(usual, Plan) and (usual.gap <= NEAR_BEST or not has_ways):
                 return usual
         tolerance = max(self.optimiser.tolerance, USUAL)
         quick = replace(self, optimiser=replace(self.optimiser, tolerance=tolerance))
@@ -187,7 +194,9 @@ class Run(Loop):
         if task.moves_at_ends or task.gates:
             later = under_way if task.moves_at_ends else None
             planned = partial(self._plan_moving, under_way=later)
-            return resolvable(self.at_worst(scene, planned))
+            through_all = partial(self.at_worst, planned=planned)
+            at_once = partial(self._at_once, under_way=later)
+            return resolvable(with_few_points(scene, through_all, at_once, self.journal.note))
         past_bodies = limits_of(scene).constraints.has_convex
         return self.at_worst(scene, self._past_bodies if past_bodies else self.by_merit)
 

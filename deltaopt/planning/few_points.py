@@ -1,0 +1,194 @@
+"""Via points whose spheres overlap: the motion is asked to pass as few of them as it has to be.
+
+A motion may pass two such spheres in one place, with no time between them, and phases between via
+points have some. Without some of its points a scene asks for less: where its best motion passes all
+of them, in their order, none is better. Those that a motion misses are asked for in the next.
+
+Where the best motion with either of two spheres misses the other, it may pass both on the circle in
+which they meet. Every sphere through that circle about a place between their centres a and b holds
+all that both hold: with (1 - s) (|x - a|² - r_a²) + s (|x - b|² - r_b²) <= 0 in place of both,
+0 <= s <= 1, a scene asks for less too. The share s is looked for with which both are missed alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import groupby, pairwise, starmap
+from math import dist, sqrt
+
+import numpy as np
+
+from deltaopt.curves.passages import passages
+from deltaopt.curves.piecewise import Array
+from deltaopt.errors import NO_PLAN, if_possible
+from deltaopt.files.validated_record import Vector3, vector3
+from deltaopt.planning.journal import Progress
+from deltaopt.planning.plan import Plan
+from deltaopt.problem.boundary import Boundary
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.way import Near, Via
+
+_PASSED = 1e-9
+"""m; of a via point that a motion passes, how far it is off at most: rounding."""
+_SHARES, _ON_BOTH = 10, 1e-3
+"""How many shares are tried at most, and how far outside of either sphere, of the smaller radius, a
+motion may pass both: the best one then passes through the place nearest to it that is on both."""
+
+Planned = Callable[[Scene], Plan]
+
+
+def with_few_points(scene: Scene, planned: Planned, at_once: Planned, tell: Progress) -> Plan:
+    """The plan of a scene, for as few of its via points whose spheres overlap as it has to be.
+
+    ``planned``: plans a scene for all of its points, and ``at_once`` from one first motion.
+    ``tell``: is called with what is planned. Raises what ``planned`` raises of the scene itself.
+    """
+    via, given = scene.task.via, scene.via or ()
+    if not any_overlap(scene):
+        return planned(scene)
+    overlap = [False, *starmap(_overlap, pairwise(via)), False]  # with the one before; the last
+    everything, asked, tried = set(range(len(via))), _first_asked(scene, overlap), list[set[int]]()
+    while asked != everything:
+        tried.append(asked)
+        tell(f"through {len(asked)} of {len(via)} via points, for spheres overlap:")
+        less = _with_via(scene, [given[number] for number in sorted(asked)])
+        found = if_possible(NO_PLAN, _through_all, less, planned, at_once)
+        if found is None:
+            break
+        missed = [off if off >= _PASSED else 0.0 for off, _ in _passed(scene, found)]
+        if not any(missed):
+            return replace(found, scene=scene)
+        new = {
+            min(everything - asked, key=lambda number: abs(number - worst))
+            for worst in _worst_of_each_run(missed)
+        }
+        beside = {k - 1 for k in new if overlap[k]} | {k + 1 for k in new if overlap[k + 1]}
+        instead = asked - beside | new
+        asked = asked | new if instead in tried else instead
+    return _through_all(scene, planned, at_once)
+
+
+def _worst_of_each_run(missed: list[float]) -> list[int]:
+    """The number of the largest of each run of numbers that are not 0."""
+    runs = groupby(range(len(missed)), key=lambda number: missed[number] > 0)
+    return [max(run, key=missed.__getitem__) for is_missed, run in runs if is_missed]
+
+
+def any_overlap(scene: Scene) -> bool:
+    """Whether spheres of via points overlap those of the ones before them."""
+    return any(starmap(_overlap, pairwise(scene.task.via)))
+
+
+def _first_asked(scene: Scene, overlap: list[bool]) -> set[int]:
+    """Numbers of the via points whose spheres overlap no other's, and where there are none of the
+    one that is farthest from the start."""
+    found = {number for number, each in enumerate(pairwise(overlap)) if not any(each)}
+    away = [dist(each.position, scene.task.start.position) - each.within for each in scene.task.via]
+    return found or {away.index(max(away))}
+
+
+def _through_all(scene: Scene, planned: Planned, at_once: Planned) -> Plan:
+    """The plan of a scene through all of its points, of those whose spheres overlap two in one
+    place, where that is best, or else in phases."""
+    number = next((k for k, each in enumerate(pairwise(scene.task.via)) if _overlap(*each)), None)
+    if number is None:
+        return planned(scene)
+    found = if_possible(NO_PLAN, at_once, scene)
+    if found is not None and found.within_tolerance:
+        return found
+    in_one = if_possible(NO_PLAN, _through_one_place, scene, number, planned, at_once)
+    if in_one is None:
+        return planned(scene)
+    if _turns_back(scene, number, in_one):
+        return in_one
+    apart = if_possible(NO_PLAN, planned, scene)
+    return min((in_one, apart or in_one), key=lambda plan: plan.cost)
+
+
+def _turns_back(scene: Scene, number: int, found: Plan) -> bool:
+    """Whether motions near one that passes a via point and the next in one place would turn back to
+    pass them one after the other: it enters the sphere of the first as it leaves the second's."""
+    _, when = _passed(scene, found)[number]
+    x, v = (found.trajectory.position.at(np.array([when]), order)[0] for order in (0, 1))
+    into, out = (v @ (x - each.position) for each in scene.task.via[number : number + 2])
+    return bool(into < 0 < out)
+
+
+def _through_one_place(
+    scene: Scene, number: int, planned: Planned, at_once: Planned
+) -> Plan | None:
+    """The plan that passes a via point and the next one in one place; None where their spheres do
+    not meet in a circle. Its gap is to the least of all that do."""
+    given, via = list(scene.via or ()), scene.task.via
+    one, next_one = via[number], via[number + 1]
+    if dist(one.position, next_one.position) <= abs(one.within - next_one.within):
+        return None
+
+    def through(place: Via) -> tuple[Plan, Array]:
+        """The plan through a place in place of both, and where it passes that, m."""
+        instead = _with_via(scene, [*given[:number], place, *given[number + 2 :]])
+        found = _through_all(instead, planned, at_once)
+        _, when = _passed(instead, found)[number]
+        return found, found.trajectory.position.at(np.array([when]))[0]
+
+    farther, least = dict[float, float](), 0.0
+    while len(farther) < _SHARES:
+        share = _next_share(farther)
+        found, at = through(_between(one, next_one, share))
+        if max(off for off, _ in _passed(scene, found)) < _PASSED:
+            return replace(found, scene=scene)
+        least = max(least, found.cost / (1 + found.gap))
+        off, of_next = (dist(at, each.position) - each.within for each in (one, next_one))
+        farther[share] = off - of_next
+        if max(off, of_next) < _ON_BOTH * min(one.within, next_one.within):
+            break
+    found, _ = through(_on_circle(one, next_one, at))
+    return replace(found, scene=scene, gap=max(found.gap, found.cost / least - 1))
+
+
+def _next_share(farther: dict[float, float]) -> float:
+    """The share to look at after some, from how much farther from the first sphere than from the
+    second motions pass with these, m: first 0 and 1, then by turns in the middle and where a line
+    is zero between the nearest on both sides."""
+    if len(farther) < 2:
+        return float(len(farther))
+    low = max(share for share, each in farther.items() if each < 0 or share == 0)
+    high = min(share for share, each in farther.items() if share > low)
+    if len(farther) % 2 or farther[low] >= farther[high]:
+        return (low + high) / 2
+    return low - farther[low] * (high - low) / (farther[high] - farther[low])
+
+
+def _between(first: Boundary, second: Boundary, share: float) -> Near:
+    """The sphere through the circle in which two meet, whose centre is at a share of the way from
+    that of the first to that of the second."""
+    a, b = np.array(first.position), np.array(second.position)
+    square = (1 - share) * first.within**2 + share * second.within**2
+    square -= share * (1 - share) * float(((b - a) ** 2).sum())
+    return Near(at=vector3(a + share * (b - a)), within=sqrt(square))
+
+
+def _on_circle(first: Boundary, second: Boundary, near: Array) -> Vector3:
+    """The place nearest to another on the circle in which two spheres meet, m."""
+    a, b = np.array(first.position), np.array(second.position)
+    apart = dist(first.position, second.position)
+    along = (b - a) / apart
+    middle = (apart**2 + first.within**2 - second.within**2) / (2 * apart)
+    across = near - a - along * ((near - a) @ along)
+    across *= sqrt(first.within**2 - middle**2) / np.linalg.norm(across)
+    return vector3(a + middle * along + across)
+
+
+def _overlap(first: Boundary, second: Boundary) -> bool:
+    return dist(first.position, second.position) < first.within + second.within
+
+
+def _passed(scene: Scene, found: Plan) -> list[tuple[float, float]]:
+    """By how much a plan misses each via point of a scene, m, and when it is nearest, s."""
+    spheres = [(point.position, point.within) for point in scene.task.via]
+    return list(passages(found.trajectory.position, spheres))
+
+
+def _with_via(scene: Scene, via: list[Via]) -> Scene:
+    return scene.model_copy(update={"via": tuple(via)})
