@@ -70,7 +70,7 @@ def _table(trajectory: Trajectory) -> str:
     lines = [f"{'torque (N·m)':<14}{'at start':>10}{'at goal':>10}{'least':>10}{'most':>10}"]
     for k in range(3):
         values = (tau[0, k], tau[-1, k], tau[:, k].min(), tau[:, k].max())
-        lines.append(f"motor {k + 1:<8}" + "".join(f"{value:>10.4f}" for value in values))
+        lines.append(f"motor {k + 1:<8}" + "".join(f" {value:>9.4f}" for value in values))
     return "\n".join(lines)
 
 

@@ -56,9 +56,13 @@ def run(arguments: argparse.Namespace) -> int:
     file, table = filled(arguments, arguments.sweep.stem, points)
     keys, series = varied(table, [*points.bases[0].name, *points.keys])
     print("\n".join(told(table, keys, sweep.column, series)))
-    if table[sweep.column].isna().all():
+    if table["duration"].isna().all():
         return 1
-    if not arguments.no_plot and keys:
+    shown = (sweep.column, *(sweep.pareto or ()))
+    unknown = next((column for column in shown if table[column].isna().all()), None)
+    if unknown is not None:
+        print(f"no picture: {unknown} is not known of any plan")
+    elif not arguments.no_plot and keys:
         from deltaopt.plots.sweeps import draw_pareto, draw_sweep
 
         title = message(table, [*series, *keys], sweep.column)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,7 +16,14 @@ from deltaopt.files.units import DURATION, begins_with_number
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Text, optional
 from deltaopt.files.yaml_file import placed_in, read_yaml
 from deltaopt.scene.scene_file import load_job
-from deltaopt.sensitivity.keys import Content, changed, content_of, job_of, numbers_in
+from deltaopt.sensitivity.keys import (
+    Content,
+    changed,
+    content_of,
+    job_of,
+    numbers_in,
+    require_once,
+)
 
 _KEY = "a key of a scene or of its robot, such as robot.drive.gear.ratio"
 _MAPPINGS = "a list of mappings with the keys"
@@ -64,6 +71,10 @@ class DesignFile(Record):
     over: Literal["sum", "worst"] = Field(default="sum", description="sum or worst")
     per_second: NonNegative = Field(default=1.0, description="a price, at least 0")
     longest: Annotated[Positive, DURATION] | None = None
+
+    def require_consistent(self) -> None:
+        of_rows = chain.from_iterable(catalogue.columns for catalogue in self.catalogues)
+        require_once([*(change.key for change in self.change), *of_rows])
 
 
 @dataclass(frozen=True)

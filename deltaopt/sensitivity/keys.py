@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -56,6 +57,14 @@ def changed(content: Mapping[str, Any], changes: Mapping[str, Any]) -> Content:
             change = _moved if key.startswith("place.") else _change
             found = change(found, key, how, value)
     return found
+
+
+def require_once(headers: Iterable[str]) -> None:
+    """Raise SceneError where several headers change the same key: one change would undo another."""
+    keys = Counter(chain.from_iterable(map(_keys, headers)))
+    for key, number in keys.items():
+        if number > 1:
+            raise SceneError(None, key, None, "one change of each key", "is changed twice")
 
 
 def parts_of(key: str) -> list[str]:

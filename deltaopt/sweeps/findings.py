@@ -37,17 +37,17 @@ def told(
 ) -> Iterator[str]:
     """Lines on the plans: those with the least of a column, or the most of it for the ``worst``,
     and why others are none. The best of each of some ``series``, such as robots, comes first."""
-    rows = table.dropna(subset=[column]).sort_values(column, ascending=not worst)
+    rows = table.dropna(subset=["duration"]).sort_values(column, ascending=not worst)
     first = f", {'worst' if worst else 'best'} first:" if len(rows) else ":"
     yield f"{len(rows)} of {len(table)} points have a plan{first}"
     heads = rows.drop_duplicates([*series]).index if series else []
     order = [*heads, *rows.index.difference(heads, sort=False)][:_SHOWN]
     shown = ["point", *dict.fromkeys([*series, *names, column, *_TOLD])]
     if order:
+        over = 100 * (rows.loc[order, column] / table[column].min() - 1)
         rows = rows.loc[order, shown].dropna(axis=1, how="all")
-        rows["over least"] = (100 * (rows[column] / table[column].min() - 1)).map(
-            "{:+.1f} %".format
-        )
+        if over.notna().all():
+            rows["over least"] = over.map("{:+.1f} %".format)
         yield rows.to_string(index=False, float_format="{:.5g}".format, na_rep="")
     limits = table["limited_by"].value_counts().head(_SHOWN)
     if len(limits):

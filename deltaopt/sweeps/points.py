@@ -31,6 +31,9 @@ any, 1 at best. ``limited_by``: the limit that the motion is at for most of the 
 yes or no. ``gap``: how much longer than the optimum it is, estimated. ``seconds``: of a processor.
 ``error``: what verification finds wrong, or why there is no plan."""
 
+NUMBERS = [name for name in FACTS if name not in ("limited_by", "verified", "error")]
+"""Those of them that are numbers."""
+
 Changes = Mapping[str, Any]
 """Of a point: the value of each of its columns."""
 

@@ -26,8 +26,8 @@ from deltaopt.files.validated_record import Positive, Record, Text, optional
 from deltaopt.files.yaml_file import read_yaml
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.scene_file import content_with_files, load_job, made_of
-from deltaopt.sensitivity.keys import changed, in_si
-from deltaopt.sweeps.points import FACTS, Base, Changes, SweepPoints
+from deltaopt.sensitivity.keys import changed, in_si, require_once
+from deltaopt.sweeps.points import NUMBERS, Base, Changes, SweepPoints
 
 MOST_POINTS = 1_000_000
 _NUMBER = f"a whole number from 1 to {MOST_POINTS}"
@@ -39,7 +39,7 @@ _METHOD = "sobol or latin_hypercube"
 _RANGES = "a mapping of keys, such as robot.drive.torque, each to {from, to}"
 _POINTS = "a list of mappings of keys to values"
 _SAMPLES = "a mapping with the keys number, ranges, method, seed"
-_COLUMN = "a key of the sweep, or one of " + ", ".join(FACTS)
+_COLUMN = "a key of the sweep, or one of " + ", ".join(NUMBERS)
 
 _Files = Text | tuple[Text, ...]
 
@@ -100,10 +100,14 @@ class Sweep(Record):
         return {key: _values(key, given) for key, given in grid.items()}
 
     def require_consistent(self) -> None:
-        known = {*self.headers, *FACTS}
+        for each in self.points or [{}]:
+            require_once([*self.grid, *each, *(self.samples.ranges if self.samples else {})])
+        known = {*self.headers, *NUMBERS}
         for key, given in (("column", self.column), *(("pareto", p) for p in self.pareto or ())):
             if given not in known:
                 raise SceneError(None, key, given, f"one of {', '.join(sorted(known))}")
+        if self.pareto and len(set(self.pareto)) < len(self.pareto):
+            raise SceneError(None, "pareto", list(self.pareto), "two columns that differ")
 
     @property
     def headers(self) -> list[str]:

@@ -183,6 +183,10 @@ def test_both_files_or_none_and_no_robot_of_somebody(folder, capsys):
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
+        (
+            "scenes: [far.yaml]\n" + GEAR.replace("}]", f"}}, {GEAR[GEAR.index('{') :].strip()}"),
+            "robot.drive.gear.ratio is changed twice; expected one change of each key",
+        ),
         ("scenes: [far.yaml]\nover: mean", "over is 'mean'; expected sum or worst"),
         (GEAR, "scenes is missing; expected a list of scene files"),
         (

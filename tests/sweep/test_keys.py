@@ -126,6 +126,14 @@ WRONG = [
     ("grid: {robot.upper_arm.length: [300]}", "mm need a unit: 300 mm"),
     ("gird: {payload: [1]}", "gird is not a known key; expected grid"),
     ("column: durations", "column is 'durations'; expected one of duration"),
+    ("column: limited_by", "column is 'limited_by'; expected one of duration"),
+    ("pareto: [duration, duration]", "pareto is .*; expected two columns that differ"),
+    ("grid: {payload: [1, 2], payload times: [1, 2]}", "payload is changed twice; expected one"),
+    ("grid: {payload: [1, 2]}\npoints: [{payload: 3}]", "payload is changed twice; expected one"),
+    (
+        "points: [{payload: 3}]\nsamples: {number: 3, ranges: {payload: {from: 1, to: 2}}}",
+        "payload is changed twice; expected one change of each key",
+    ),
     ("samples: {number: 3}", "samples.ranges is missing; expected a mapping of keys"),
     (
         "samples: {number: 0, ranges: {payload: {from: 1, to: 2}}}",
