@@ -13,7 +13,7 @@ all that both hold: with (1 - s) (|x - a|² - r_a²) + s (|x - b|² - r_b²) <= 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import groupby, pairwise, starmap
 from math import dist, sqrt
 
@@ -35,44 +35,92 @@ _SHARES, _ON_BOTH = 10, 1e-3
 """How many shares are tried at most, and how far outside of either sphere, of the smaller radius, a
 motion may pass both: the best one then passes through the place nearest to it that is on both."""
 
-Planned = Callable[[Scene], Plan]
 
+@dataclass(frozen=True)
+class FewPoints:
+    """Plans scenes for as few of their via points whose spheres overlap as motions have to be.
 
-def with_few_points(scene: Scene, planned: Planned, at_once: Planned, tell: Progress) -> Plan:
-    """The plan of a scene, for as few of its via points whose spheres overlap as it has to be.
-
-    ``planned``: plans a scene for all of its points, and ``at_once`` from one first motion.
-    ``tell``: is called with what is planned. Raises what ``planned`` raises of the scene itself.
+    ``planned``: plans a scene for all of its points, and ``at_once`` from one first motion; both
+    raise that there is no plan. ``tell``: is called with what is planned.
     """
-    via, given = scene.task.via, scene.via or ()
-    if not any_overlap(scene):
-        return planned(scene)
-    overlap = [False, *starmap(_overlap, pairwise(via)), False]  # with the one before; the last
-    everything, asked, tried = set(range(len(via))), _first_asked(scene, overlap), list[set[int]]()
-    while asked != everything:
-        tried.append(asked)
-        tell(f"through {len(asked)} of {len(via)} via points, for spheres overlap:")
-        less = _with_via(scene, [given[number] for number in sorted(asked)])
-        found = if_possible(NO_PLAN, _through_all, less, planned, at_once)
-        if found is None:
-            break
-        missed = [off if off >= _PASSED else 0.0 for off, _ in _passed(scene, found)]
-        if not any(missed):
-            return replace(found, scene=scene)
-        new = {
-            min(everything - asked, key=lambda number: abs(number - worst))
-            for worst in _worst_of_each_run(missed)
-        }
-        beside = {k - 1 for k in new if overlap[k]} | {k + 1 for k in new if overlap[k + 1]}
-        instead = asked - beside | new
-        asked = asked | new if instead in tried else instead
-    return _through_all(scene, planned, at_once)
 
+    planned: Callable[[Scene], Plan]
+    at_once: Callable[[Scene], Plan]
+    tell: Progress
 
-def _worst_of_each_run(missed: list[float]) -> list[int]:
-    """The number of the largest of each run of numbers that are not 0."""
-    runs = groupby(range(len(missed)), key=lambda number: missed[number] > 0)
-    return [max(run, key=missed.__getitem__) for is_missed, run in runs if is_missed]
+    def plan(self, scene: Scene) -> Plan:
+        """The plan of a scene. Raises what ``planned`` raises of it."""
+        via, given = scene.task.via, scene.via or ()
+        if not any_overlap(scene):
+            return self.planned(scene)
+        overlap = [False, *starmap(_overlap, pairwise(via)), False]  # with the one before; the last
+        everything, asked = set(range(len(via))), _first_asked(scene, overlap)
+        tried = list[set[int]]()
+        while asked != everything:
+            tried.append(asked)
+            self.tell(f"through {len(asked)} of {len(via)} via points, for spheres overlap:")
+            less = _with_via(scene, [given[number] for number in sorted(asked)])
+            found = if_possible(NO_PLAN, self._through_all, less)
+            if found is None:
+                break
+            missed = [off if off >= _PASSED else 0.0 for off, _ in _passed(scene, found)]
+            if not any(missed):
+                return replace(found, scene=scene)
+            new = {
+                min(everything - asked, key=lambda number: abs(number - worst))
+                for worst in _worst_of_each_run(missed)
+            }
+            beside = {k - 1 for k in new if overlap[k]} | {k + 1 for k in new if overlap[k + 1]}
+            instead = asked - beside | new
+            asked = asked | new if instead in tried else instead
+        return self._through_all(scene)
+
+    def _through_all(self, scene: Scene) -> Plan:
+        """The plan of a scene through all of its points, of those whose spheres overlap two in one
+        place, where that is best, or else in phases."""
+        pairs = enumerate(pairwise(scene.task.via))
+        number = next((k for k, pair in pairs if _overlap(*pair)), None)
+        if number is None:
+            return self.planned(scene)
+        found = if_possible(NO_PLAN, self.at_once, scene)
+        if found is not None and found.within_tolerance:
+            return found
+        in_one = if_possible(NO_PLAN, self._through_one_place, scene, number)
+        if in_one is None:
+            return self.planned(scene)
+        if _turns_back(scene, number, in_one):
+            return in_one
+        apart = if_possible(NO_PLAN, self.planned, scene)
+        return min((in_one, apart or in_one), key=lambda plan: plan.cost)
+
+    def _through_one_place(self, scene: Scene, number: int) -> Plan | None:
+        """The plan that passes a via point and the next one in one place; None where their spheres
+        do not meet in a circle. Its gap is to the least of all that do."""
+        given, via = list(scene.via or ()), scene.task.via
+        one, next_one = via[number], via[number + 1]
+        if dist(one.position, next_one.position) <= abs(one.within - next_one.within):
+            return None
+
+        def through(place: Via) -> tuple[Plan, Array]:
+            """The plan through a place in place of both, and where it passes that, m."""
+            instead = _with_via(scene, [*given[:number], place, *given[number + 2 :]])
+            found = self._through_all(instead)
+            _, when = _passed(instead, found)[number]
+            return found, found.trajectory.position.at(np.array([when]))[0]
+
+        farther, least = dict[float, float](), 0.0
+        while len(farther) < _SHARES:
+            share = _next_share(farther)
+            found, at = through(_between(one, next_one, share))
+            if max(off for off, _ in _passed(scene, found)) < _PASSED:
+                return replace(found, scene=scene)
+            least = max(least, found.cost / (1 + found.gap))
+            off, of_next = (dist(at, each.position) - each.within for each in (one, next_one))
+            farther[share] = off - of_next
+            if max(off, of_next) < _ON_BOTH * min(one.within, next_one.within):
+                break
+        found, _ = through(_on_circle(one, next_one, at))
+        return replace(found, scene=scene, gap=max(found.gap, found.cost / least - 1))
 
 
 def any_overlap(scene: Scene) -> bool:
@@ -88,22 +136,10 @@ def _first_asked(scene: Scene, overlap: list[bool]) -> set[int]:
     return found or {away.index(max(away))}
 
 
-def _through_all(scene: Scene, planned: Planned, at_once: Planned) -> Plan:
-    """The plan of a scene through all of its points, of those whose spheres overlap two in one
-    place, where that is best, or else in phases."""
-    number = next((k for k, each in enumerate(pairwise(scene.task.via)) if _overlap(*each)), None)
-    if number is None:
-        return planned(scene)
-    found = if_possible(NO_PLAN, at_once, scene)
-    if found is not None and found.within_tolerance:
-        return found
-    in_one = if_possible(NO_PLAN, _through_one_place, scene, number, planned, at_once)
-    if in_one is None:
-        return planned(scene)
-    if _turns_back(scene, number, in_one):
-        return in_one
-    apart = if_possible(NO_PLAN, planned, scene)
-    return min((in_one, apart or in_one), key=lambda plan: plan.cost)
+def _worst_of_each_run(missed: list[float]) -> list[int]:
+    """The number of the largest of each run of numbers that are not 0."""
+    runs = groupby(range(len(missed)), key=lambda number: missed[number] > 0)
+    return [max(run, key=missed.__getitem__) for is_missed, run in runs if is_missed]
 
 
 def _turns_back(scene: Scene, number: int, found: Plan) -> bool:
@@ -113,38 +149,6 @@ def _turns_back(scene: Scene, number: int, found: Plan) -> bool:
     x, v = (found.trajectory.position.at(np.array([when]), order)[0] for order in (0, 1))
     into, out = (v @ (x - each.position) for each in scene.task.via[number : number + 2])
     return bool(into < 0 < out)
-
-
-def _through_one_place(
-    scene: Scene, number: int, planned: Planned, at_once: Planned
-) -> Plan | None:
-    """The plan that passes a via point and the next one in one place; None where their spheres do
-    not meet in a circle. Its gap is to the least of all that do."""
-    given, via = list(scene.via or ()), scene.task.via
-    one, next_one = via[number], via[number + 1]
-    if dist(one.position, next_one.position) <= abs(one.within - next_one.within):
-        return None
-
-    def through(place: Via) -> tuple[Plan, Array]:
-        """The plan through a place in place of both, and where it passes that, m."""
-        instead = _with_via(scene, [*given[:number], place, *given[number + 2 :]])
-        found = _through_all(instead, planned, at_once)
-        _, when = _passed(instead, found)[number]
-        return found, found.trajectory.position.at(np.array([when]))[0]
-
-    farther, least = dict[float, float](), 0.0
-    while len(farther) < _SHARES:
-        share = _next_share(farther)
-        found, at = through(_between(one, next_one, share))
-        if max(off for off, _ in _passed(scene, found)) < _PASSED:
-            return replace(found, scene=scene)
-        least = max(least, found.cost / (1 + found.gap))
-        off, of_next = (dist(at, each.position) - each.within for each in (one, next_one))
-        farther[share] = off - of_next
-        if max(off, of_next) < _ON_BOTH * min(one.within, next_one.within):
-            break
-    found, _ = through(_on_circle(one, next_one, at))
-    return replace(found, scene=scene, gap=max(found.gap, found.cost / least - 1))
 
 
 def _next_share(farther: dict[float, float]) -> float:

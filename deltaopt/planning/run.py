@@ -32,7 +32,7 @@ from deltaopt.planning.attempts import (
 )
 from deltaopt.planning.belt_places import PlacesOnBelt, TooLate
 from deltaopt.planning.effort_planning import require_possible
-from deltaopt.planning.few_points import any_overlap, with_few_points
+from deltaopt.planning.few_points import FewPoints, any_overlap
 from deltaopt.planning.first_motions.around_bodies import CLEAR, is_clear, name_of_way
 from deltaopt.planning.first_motions.bands import without_bodies
 from deltaopt.planning.first_motions.initial_motion import Proposal
@@ -196,7 +196,7 @@ class Run(Loop):
             planned = partial(self._plan_moving, under_way=later)
             through_all = partial(self.at_worst, planned=planned)
             at_once = partial(self._at_once, under_way=later)
-            return resolvable(with_few_points(scene, through_all, at_once, self.journal.note))
+            return resolvable(FewPoints(through_all, at_once, self.journal.note).plan(scene))
         past_bodies = limits_of(scene).constraints.has_convex
         return self.at_worst(scene, self._past_bodies if past_bodies else self.by_merit)
 
