@@ -196,7 +196,11 @@ class Run(Loop):
             planned = partial(self._plan_moving, under_way=later)
             through_all = partial(self.at_worst, planned=planned)
             at_once = partial(self._at_once, under_way=later)
-            return resolvable(FewPoints(through_all, at_once, self.journal.note).plan(scene))
+            found = FewPoints(through_all, at_once, self.journal.note).plan(scene)
+            if any_overlap(scene):  # of fewer points, or in one place, the motion under way may not
+                then = partial(self._plan_by_limits, under_way=None)
+                found = finished_first(self, scene, then, later, found) or found
+            return resolvable(found)
         past_bodies = limits_of(scene).constraints.has_convex
         return self.at_worst(scene, self._past_bodies if past_bodies else self.by_merit)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt import Scene, plan, verify
+from deltaopt import Planner, Scene, plan, verify
 from tests.good_plans import good_plan
 
 INDUSTRIAL = deltaopt.load_robot("problems/robots/industrial.yaml")
@@ -43,9 +43,9 @@ def in_both(pair, rng):
             return place.tolist()
 
 
-def chain(within):
-    """Six points in a row, about 45 mm apart."""
-    u = np.linspace(0.0, 1.0, 8)[1:-1]
+def chain(within, number):
+    """Points in a row, six about 45 mm apart."""
+    u = np.linspace(0.0, 1.0, number + 2)[1:-1]
     bow, wave = np.sin(np.pi * u), np.sin(3 * np.pi * u)
     points = np.transpose([0.85 - 0.05 * bow, -0.15 + 0.3 * u, 0.06 * wave])
     return through(*({"at": each.tolist(), "within": within} for each in points))
@@ -71,12 +71,22 @@ def test_no_dearer_than_through_a_place_in_both(changes):
         assert found.cost < (1 + 1e-3) * place.cost
 
 
-def test_no_slower_in_wider_spheres():
-    narrow, wide = (chain(within) for within in (0.03, 0.05))
-    found = good_plan(wide)
-    slower = good_plan(narrow)
-    assert verify(wide, slower.trajectory).ok
+@pytest.mark.parametrize(("number", "narrow", "wide"), [(6, 0.03, 0.05), (24, 0.005, 0.02)])
+def test_no_slower_in_wider_spheres(number, narrow, wide):
+    found, slower = good_plan(chain(wide, number)), good_plan(chain(narrow, number))
+    assert verify(found.scene, slower.trajectory).ok
     assert found.duration < slower.duration
+
+
+def test_a_motion_under_way_is_finished_where_nothing_is_faster():
+    """Shortly before the place in which it passes both."""
+    scene = through(*spheres(BACKWARD))
+    old = plan(scene)
+    for share in (0.45, 0.5):
+        begun = old.trajectory(share * old.duration)
+        found = Planner(INDUSTRIAL).plan_scene(scene, start=begun)
+        assert verify(found.scene, found.trajectory).ok
+        assert found.duration < (1 + 1e-3) * (1 - share) * old.duration
 
 
 def test_a_share_of_the_fastest_motions_duration_is_one_of_the_fastest_known():
