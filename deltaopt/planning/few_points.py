@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import groupby, pairwise, starmap
-from math import dist, inf, sqrt
+from math import dist, inf, isfinite, sqrt
 
 import numpy as np
 
@@ -62,7 +62,7 @@ class FewPoints:
             return self.planned(scene)
         overlap = [False, *starmap(_overlap, pairwise(via)), False]  # with the one before; the last
         everything, asked = set(range(len(via))), _first_asked(scene, overlap)
-        tried, least, found = list[set[int]](), 0.0, None
+        tried, least = list[set[int]](), 0.0
         while asked != everything and len(tried) < 2 * _ROUNDS:
             tried.append(asked)
             less = _with_via(scene, [given[number] for number in sorted(asked)])
@@ -142,14 +142,16 @@ class FewPoints:
             if max(off, of_next) < _ON_BOTH * min(one.within, next_one.within):
                 break
         found = self._through_all(through(_on_circle(one, next_one, at)))
-        return _told(scene, replace(found, gap=inf), least)
+        gap = max(found.gap, found.cost / least - 1) if least else inf
+        return replace(found, scene=scene, gap=gap)
 
 
 def _told(scene: Scene, found: Plan, least: float) -> Plan:
-    """The plan of a scene with what is known of its gap. ``least``: what every plan costs; 0 where
-    that is not known."""
-    gap = found.cost / least - 1 if least else inf
-    return replace(found, scene=scene, gap=max(0.0, min(found.gap, gap)))
+    """The plan of a scene; where its gap is not known, as far as ``least`` tells it: what no plan
+    undercuts, if those that asked for less are the best of theirs; 0 where that is not known."""
+    if isfinite(found.gap) or not 0 < least <= found.cost:
+        return replace(found, scene=scene)
+    return replace(found, scene=scene, gap=found.cost / least - 1)
 
 
 def _first_pair(scene: Scene) -> int | None:
