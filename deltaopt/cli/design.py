@@ -74,9 +74,9 @@ def run(arguments: argparse.Namespace) -> int:
 def _row(found: Designed, each: Candidate) -> dict[str, str | float]:
     """A design by the names of columns."""
     asked = found.design.asked
-    stems = [Path(name).stem for name in asked.scenes]
-    names = stems if len(set(stems)) == len(stems) else asked.scenes
-    durations = [f"{name} [s]" for name in names]
+    stems = [Path(file).stem for file in asked.scenes]
+    scenes = stems if len(set(stems)) == len(stems) else asked.scenes
+    durations = [f"{scene} [s]" for scene in scenes]
     names = ["design", "value", *durations, *(change.key for change in asked.change)]
     values: list[str | float] = [each.choice.name, each.value, *each.durations, *each.values]
     return dict(zip(names, values, strict=True))

@@ -99,10 +99,11 @@ def _gap(found: Plan) -> str:
         among = f"; the best of {what_of} that were found"
     if ways == 1:
         among = "; no other way past the bodies was found"
-    faster = [way.duration for way in found.ways if not way.is_planned]
-    faster = [duration for duration in faster if duration < _FASTER * found.duration]
+    unplanned = [way.duration for way in found.ways if not way.is_planned]
+    faster = [duration for duration in unplanned if duration < _FASTER * found.duration]
     if faster and isinstance(objective, Time):
-        among += f", but for {len(faster)} without a plan, about {min(faster):.4f} s at the fastest"
+        may_be = f"{len(faster)} of them may be faster, down to about {min(faster):.4f} s"
+        among += f"; {may_be}, but no plan was found along {'it' if len(faster) == 1 else 'them'}"
     return f"{least}at most {percent(found.gap)} {what} near it (estimated){missed}{among}"
 
 

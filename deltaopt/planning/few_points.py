@@ -1,13 +1,16 @@
-"""Via points whose spheres overlap: the motion is asked to pass as few of them as it has to be.
+"""Via points whose spheres overlap: the planner asks for as few of them as it has to.
 
-A motion may pass two such spheres in one place, with no time between them, and phases between via
-points have some. Without some of its points a scene asks for less: where its best motion passes all
-of them, in their order, none is better. Those that a motion misses are asked for in the next.
+A motion may pass two such spheres in one place, with no time between them, but a phase between two
+via points lasts some time. A scene without some of its points asks for less: where its best motion
+passes all the points, in their order, no motion is better. Points that it misses are asked for in
+the next round.
 
-Where the best motion with either of two spheres misses the other, it may pass both on the circle in
-which they meet. Every sphere through that circle about a place between their centres a and b holds
-all that both hold: with (1 - s) (|x - a|² - r_a²) + s (|x - b|² - r_b²) <= 0 in place of both,
-0 <= s <= 1, a scene asks for less too. The share s is looked for with which both are missed alike.
+Where the best motion through either of two spheres misses the other, the best motion through both
+may pass the circle in which they meet. Let a and b be their centres. Every sphere through that
+circle whose centre lies between a and b holds all places that are in both:
+(1 - s) (|x - a|² - r_a²) + s (|x - b|² - r_b²) <= 0 with a share s from 0 to 1. A scene with this
+sphere in place of both asks for less, too. The planner looks for the share with which the motion
+passes as far from the first sphere as from the second: on the circle.
 """
 
 from __future__ import annotations
@@ -24,7 +27,7 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.errors import NO_PLAN, if_possible
 from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.planning.journal import Progress
-from deltaopt.planning.plan import Plan
+from deltaopt.planning.plan import Plan, quicker
 from deltaopt.problem.boundary import Boundary
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.way import Near, Via, via_point
@@ -32,23 +35,23 @@ from deltaopt.scene.way import Near, Via, via_point
 _PASSED = 1e-9
 """m; of a via point that a motion passes, how far it is off at most: rounding."""
 _ROUNDS = 6
-"""How often other points are asked for. After that a motion passes a point that it missed and one
-beside it inside both their spheres, in the largest sphere there: it is then known to the cost of
-that. Through 60 points it would take minutes else."""
+"""In how many rounds other points are asked for. From then on a point that was missed and one
+beside it are passed in the largest sphere inside both of theirs, which costs some time: otherwise a
+plan through 60 points would take minutes."""
 _AT_MOST = 1.1
-"""How many times as much the best motion through one place of both spheres costs, about, if that is
-to be in a sphere inside both, at most."""
+"""About how many times as much a motion costs at most that passes two spheres in the largest sphere
+inside both, as the best that passes them in one place."""
 _SHARES, _ON_BOTH = 10, 1e-3
-"""How many shares are tried at most, and how far outside of either sphere, of the smaller radius, a
-motion may pass both: the best one then passes through the place nearest to it that is on both."""
+"""How many shares are tried at most, and how far outside either sphere a motion may pass them, as a
+share of the smaller radius, for the place on the circle that is nearest to it to be taken."""
 
 
 @dataclass(frozen=True)
 class FewPoints:
-    """Plans scenes for as few of their via points whose spheres overlap as motions have to be.
+    """Plans scenes with via points whose spheres overlap, asking for as few of these as it has to.
 
-    ``planned``: plans a scene for all of its points, and ``at_once`` from one first motion; both
-    raise that there is no plan. ``tell``: is called with what is planned.
+    ``planned``: plans a scene for all of its points. ``at_once``: the same from the best first
+    motion alone. Both raise that there is no plan. ``tell``: is called with what is planned.
     """
 
     planned: Callable[[Scene], Plan]
@@ -58,8 +61,6 @@ class FewPoints:
     def plan(self, scene: Scene) -> Plan:
         """The plan of a scene. Raises what ``planned`` raises of it."""
         via, given = scene.task.via, list(scene.via or ())
-        if not any_overlap(scene):
-            return self.planned(scene)
         overlap = [False, *starmap(_overlap, pairwise(via)), False]  # with the one before; the last
         everything, asked = set(range(len(via))), _first_asked(scene, overlap)
         tried, least = list[set[int]](), 0.0
@@ -68,13 +69,13 @@ class FewPoints:
             less = _with_via(scene, [given[number] for number in sorted(asked)])
             if _stands_still(less):
                 break
-            self.tell(f"through {len(asked)} of {len(via)} via points, for spheres overlap:")
+            self.tell(f"through {len(asked)} of the {len(via)} via points, whose spheres overlap:")
             found = if_possible(NO_PLAN, self._through_all, less)
             if found is None:
                 break
             if len(tried) <= _ROUNDS:
                 least = max(least, found.cost / (1 + found.gap))
-            else:  # not all places in spheres are asked for
+            else:  # some spheres are smaller than was asked for
                 found = replace(found, gap=inf)
             missed = [off if off >= _PASSED else 0.0 for off, _ in _passed(scene, found)]
             if not any(missed):
@@ -112,7 +113,7 @@ class FewPoints:
         if in_one is None or _turns_back(scene, number, in_one):
             return in_one or self.planned(scene)
         apart = if_possible(NO_PLAN, self.planned, scene)
-        return min((in_one, apart or in_one), key=lambda plan: plan.cost)
+        return quicker(in_one, apart) if apart else in_one
 
     def _through_one_place(self, scene: Scene, number: int) -> Plan | None:
         """The plan that passes a via point and the next one in one place; None where their spheres
@@ -147,8 +148,9 @@ class FewPoints:
 
 
 def _told(scene: Scene, found: Plan, least: float) -> Plan:
-    """The plan of a scene; where its gap is not known, as far as ``least`` tells it: what no plan
-    undercuts, if those that asked for less are the best of theirs; 0 where that is not known."""
+    """The plan as one of a scene. ``least``: a cost that no plan undercuts, as far as the gaps of
+    plans that asked for less are right; 0 where none is known. Where the plan's own gap is
+    not known, this tells it."""
     if isfinite(found.gap) or not 0 < least <= found.cost:
         return replace(found, scene=scene)
     return replace(found, scene=scene, gap=found.cost / least - 1)
@@ -179,7 +181,7 @@ def _stands_still(scene: Scene) -> bool:
 
 def any_overlap(scene: Scene) -> bool:
     """Whether spheres of via points overlap those of the ones before them."""
-    return any(starmap(_overlap, pairwise(scene.task.via)))
+    return _first_pair(scene) is not None
 
 
 def _first_asked(scene: Scene, overlap: list[bool]) -> set[int]:

@@ -151,7 +151,9 @@ class Run(Loop):
 
     def _at_once(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
         """The plan in phases or where an end moves from the best first motion alone."""
-        first = next(simple_motions(scene, under_way))
+        first = next(simple_motions(scene, under_way), None)
+        if first is None:
+            raise NotConverged("no simple motion stays within reach", "No_Start", None)
         return self._clear_from(from_motion(scene, first, self.optimiser.intervals), scene)
 
     def _at_least_cost(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan | None:
@@ -195,9 +197,11 @@ class Run(Loop):
             later = under_way if task.moves_at_ends else None
             planned = partial(self._plan_moving, under_way=later)
             through_all = partial(self.at_worst, planned=planned)
+            if not any_overlap(scene):
+                return resolvable(through_all(scene))
             at_once = partial(self._at_once, under_way=later)
             found = FewPoints(through_all, at_once, self.journal.note).plan(scene)
-            if any_overlap(scene):  # of fewer points, or in one place, the motion under way may not
+            if isinstance(scene.objective, Time):  # that of fewer points need not be finished first
                 then = partial(self._plan_by_limits, under_way=None)
                 found = finished_first(self, scene, then, later, found) or found
             return resolvable(found)

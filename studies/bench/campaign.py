@@ -74,6 +74,7 @@ class Row:
 
 def row_of(each: Move, tolerance: float) -> Row:
     """Plan a move to a tolerance of its gap and verify the plan. Whatever goes wrong is told."""
+    row = partial(Row, number=each.number, robot=each.scene.robot.name, stratum=each.stratum)
     begin = process_time()
     try:
         found = plan(each.scene, tolerance=tolerance)
@@ -81,10 +82,7 @@ def row_of(each: Move, tolerance: float) -> Row:
         seconds = process_time() - begin
         is_foreseen = isinstance(error, DeltaOptError)
         checked = _checked(each.scene) if is_foreseen else Possibility(True)
-        return Row(
-            number=each.number,
-            robot=each.scene.robot.name,
-            stratum=each.stratum,
+        return row(
             seconds=seconds,
             possible=checked.found,
             problem=f"{type(error).__name__}: {error}",
@@ -99,10 +97,7 @@ def row_of(each: Move, tolerance: float) -> Row:
         problems.append(f"the gap is {found.gap:.1e}")
     if found.duration < found.lower_bound:
         problems.append(f"shorter than the lower bound, {found.lower_bound:.6g} s")
-    return Row(
-        number=each.number,
-        robot=each.scene.robot.name,
-        stratum=each.stratum,
+    return row(
         seconds=seconds,
         duration=found.duration,
         gap=found.gap,

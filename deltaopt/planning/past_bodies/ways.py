@@ -163,8 +163,8 @@ class _SearchOfWays:
             self.trials.append(trial)
             if trial.is_solved:
                 self.durations[len(self.trials) - 1] = trial.motion.duration
-                shortest = _NOTHING_TO_GAIN * self._least
-                if self._is_fastest and trial.motion.duration <= shortest:
+                least = _NOTHING_TO_GAIN * self._least
+                if self._is_fastest and trial.motion.duration <= least:
                     break
         new = [which for which in _distinct(self.trials) if which >= first]
         if len(new) > 1 or self.plans:
@@ -295,9 +295,9 @@ class _SearchOfWays:
     @property
     def shortest(self) -> float:
         """The least duration of a plan, s, or of the fastest motion along its way."""
-        fastest = {which: self.trials[which].finest for which in self.plans}
-        known = self.plans if self._is_fastest else fastest
-        return min(each.duration for each in known.values())
+        if self._is_fastest:
+            return self._cost
+        return min(self.trials[which].finest.duration for which in self.plans)
 
     @property
     def is_good(self) -> bool:
