@@ -143,18 +143,20 @@ def is_near_any(path: Array, others: Iterable[Array], most: float) -> bool:
     return any(float(np.abs(path - other).max()) < most for other in others)
 
 
-def speeds(paths: Array) -> tuple[Array, Array]:
+def speeds(paths: Array, most: Array | float = 1.0) -> tuple[Array, Array]:
     """How long the pieces of paths (..., n, 3), m, take, (..., n - 1), and the largest speeds at
-    their places, (..., n), from rest to rest, at which the acceleration, forwards and sideways
-    each, is at most 1: roughly, as if the robot's reach were a ball of accelerations."""
+    their places, (..., n), from rest to rest, at which the acceleration of each piece, forwards and
+    sideways each, is at most ``most``, (..., n - 1): roughly, as if the robot's reach were a ball
+    of accelerations."""
     steps = np.diff(paths, axis=-2)
     lengths = np.linalg.norm(steps, axis=-1)
+    most = np.broadcast_to(most, lengths.shape)
     turn = np.linalg.norm(np.diff(steps / lengths[..., None], axis=-2), axis=-1)
     curvature = 2 * turn / (lengths[..., 1:] + lengths[..., :-1])
     squares = np.zeros(paths.shape[:-1])
-    squares[..., 1:-1] = 1 / np.maximum(curvature, 1e-9)
+    squares[..., 1:-1] = np.minimum(most[..., 1:], most[..., :-1]) / np.maximum(curvature, 1e-9)
     gained = np.zeros_like(squares)  # from the start, at the largest acceleration forwards
-    gained[..., 1:] = 2 * np.cumsum(lengths, axis=-1)
+    gained[..., 1:] = 2 * np.cumsum(most * lengths, axis=-1)
     squares = np.minimum.accumulate(squares - gained, axis=-1) + gained
     left = np.flip(squares + gained, axis=-1)
     squares = np.flip(np.minimum.accumulate(left, axis=-1), axis=-1) - gained
