@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from deltaopt.curves.passages import passages
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial, shifted
 from deltaopt.files.validated_record import Vector3, vector3
 from deltaopt.problem.boundary import REST, Boundary
@@ -185,6 +187,11 @@ class Trajectory:
         """All jumps of the platform's acceleration at knots, added up, m/s²."""
         a = self.accelerations_at_ends
         return float(np.linalg.norm(a[2::2] - a[1:-1:2], axis=1).sum())
+
+    def passing(self, points: Sequence[Boundary]) -> Iterator[tuple[float, float]]:
+        """By how much the motion misses each point, or the sphere about it, m, and when it is
+        nearest, s; each is looked for after the one before it."""
+        return passages(self.position, [(each.position, each.within) for each in points])
 
     def coordinates_inside(self, fractions: ArrayLike) -> tuple[Array, Array, Array]:
         """All coordinates q, q̇, q̈ at fractions of every interval, (K · len(fractions), 12) each.

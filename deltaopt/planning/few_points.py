@@ -22,7 +22,6 @@ from math import dist, inf, isfinite, sqrt
 
 import numpy as np
 
-from deltaopt.curves.passages import passages
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import NO_PLAN, if_possible
 from deltaopt.files.validated_record import Vector3, vector3
@@ -256,8 +255,7 @@ def _overlap(first: Boundary, second: Boundary) -> bool:
 
 def _passed(scene: Scene, found: Plan) -> list[tuple[float, float]]:
     """By how much a plan misses each via point of a scene, m, and when it is nearest, s."""
-    spheres = [(point.position, point.within) for point in scene.task.via]
-    return list(passages(found.trajectory.position, spheres))
+    return list(found.trajectory.passing(scene.task.via))
 
 
 def _with_via(scene: Scene, via: list[Via]) -> Scene:

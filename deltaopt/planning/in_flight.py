@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from math import inf
 
-from deltaopt.curves.passages import passages
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import NO_PLAN, if_possible
 from deltaopt.motion.time_scaling import highest_rows
@@ -98,8 +97,7 @@ def stop_of(scene: Scene, planned: Callable[[Scene], Plan]) -> PiecewisePolynomi
 
 def _is_asked_for(problem: Problem, motion: Trajectory) -> bool:
     """Whether the motion under way passes the via points of a problem and ends as that asks."""
-    spheres = [(via.position, via.within) for via in problem.gates]
-    missed = (off for off, _ in passages(motion.position, spheres))
+    missed = (off for off, _ in motion.passing(problem.gates))
     return off_its_ends(problem, motion) < _NO_WAY and all(off < _PASSED for off in missed)
 
 

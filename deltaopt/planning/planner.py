@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from deltaopt.curves.passages import passages
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.errors import DeltaOptError
@@ -334,8 +333,7 @@ def _passed_before(motion: Motion, task: Task) -> int:
     has passed by then."""
     if motion.under_way is None:
         return 0
-    spheres = [(point.position, point.within) for point in task.via]
-    found = passages(motion.under_way.position, spheres)
+    found = motion.under_way.passing(task.via)
     passed = takewhile(lambda each: each[0] <= _PASSED and each[1] <= motion.t, found)
     return sum(1 for _ in passed)
 

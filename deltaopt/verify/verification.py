@@ -281,18 +281,14 @@ def verify(scene: Scene, trajectory: Trajectory) -> Verification:
 
 def _measured(scene: Scene, trajectory: Trajectory, nothing: Verification) -> Verification:
     """With every measure that can be evaluated."""
+    measured = nothing
     try:
         measures = _measures(scene, trajectory) | model_errors(scene, trajectory)
         measures |= _ends(scene, trajectory, nothing) | _jumps(trajectory)
-        measures |= _optimality(scene, trajectory)
-    except (Unreachable, Singular, TooRough) as error:
-        return replace(nothing, obstacles=(str(error),))
-    measured = replace(nothing, **measures)
-    try:
-        followed = replay(scene, trajectory)
-    except (NotIntegrated, Unreachable, Singular) as error:
+        measured = replace(nothing, **(measures | _optimality(scene, trajectory)))
+        return replace(measured, **replay(scene, trajectory))
+    except (Unreachable, Singular, TooRough, NotIntegrated) as error:
         return replace(measured, obstacles=(str(error),))
-    return replace(measured, **followed)
 
 
 def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:

@@ -8,26 +8,20 @@ from functools import cache
 import numpy as np
 import pytest
 
+import deltaopt
 from deltaopt.compare.plans.measures import independent
 from deltaopt.compare.plans.study import at_switches
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.formulations.collocation import FAR, NEAR, CollocationProblem
-from deltaopt.planning.formulations.equations import (
-    explicit_equations,
-    flat_equations,
-    forward_equations,
-    multiplier_equations,
-)
-from deltaopt.planning.formulations.loop_closure import KnotConstraints
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, ErrorEstimate
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from tests.shipped_cases import case, interpreted
 
 FORMULATIONS = {
-    "flat": flat_equations,
-    "forward": forward_equations,
-    "explicit": lambda system: explicit_equations(system, KnotConstraints()),
-    "multiplier": lambda system: multiplier_equations(system, KnotConstraints()),
+    "flat": deltaopt.flat.equations,
+    "forward": deltaopt.forward.equations,
+    "explicit": deltaopt.Redundant(deltaopt.explicit).equations,
+    "multiplier": deltaopt.Redundant(deltaopt.multiplier).equations,
 }
 
 

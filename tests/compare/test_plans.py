@@ -18,7 +18,6 @@ from deltaopt.mechanisms.five_bar import five_bar, inverse_kinematics
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.formulations.collocation import FAR, CollocationProblem
-from deltaopt.planning.formulations.equations import flat_equations
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.plots.plans import draw
 from deltaopt.problem.of_scene import problem_of
@@ -93,7 +92,7 @@ def test_five_bar_closes_its_loops():
 
 def test_compiled_and_interpreted_functions_give_the_same_solution():
     c = five_bar_case()
-    equations = flat_equations(c.system)
+    equations = deltaopt.flat.equations(c.system)
     durations = []
     for e in (equations, interpreted(equations)):
         problem = CollocationProblem(e, PiecewiseAcceleration(), np.full(6, 1 / 6))

@@ -37,6 +37,8 @@ class DeltaFunctions(Functions):
     motors: ClassVar[slice] = slice(3, None, 3)
     lengths: ClassVar[tuple[bool, ...]] = (True,) * 3 + (False,) * 9
     distances: ClassVar[Sequence[SingularityDistance]] = DISTANCES
+    parallel_margin = staticmethod(parallel_margin)
+    tilt_margin = staticmethod(tilt_margin)
 
     def symbols(self) -> SX:
         """The parameters p as free symbols, in the order of ``terms``."""
@@ -69,14 +71,6 @@ class DeltaFunctions(Functions):
     def tilts(self, q: SX) -> SX:
         """sin q_{k,3}, 3: how far the bars lean out of the plane of their arm."""
         return ca.sin(q[5::3])
-
-    def parallel_margin(self, q: SX) -> SX:
-        """The volume that unit vectors along the three bars span."""
-        return parallel_margin(q)
-
-    def tilt_margin(self, q: SX) -> SX:
-        """The volume that the unit normals of the three parallelograms span."""
-        return tilt_margin(q)
 
     @cached_property
     def mechanism(self) -> Mechanism:

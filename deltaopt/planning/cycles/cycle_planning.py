@@ -11,7 +11,8 @@ time has a price as well. Where the fastest legs make motors too hot in that per
 least period is planned first: its legs and prices are nearer. `prices` finds those at which the
 limits are kept and nothing that is paid for is left over. Whatever they are, the sum of the legs'
 least costs bounds the cycle's from below, which tells the gap. Legs that would be hotter in less
-time and in more are the best at no prices: those are given their durations (`filled_periods`).
+time and in more are the best at no prices, for what legs cost at any is less elsewhere: those are
+given their durations (`_filled_periods`).
 """
 
 from __future__ import annotations
@@ -22,20 +23,17 @@ from math import inf
 
 import numpy as np
 
-from deltaopt.errors import NO_PLAN, if_possible
+from deltaopt.curves.piecewise import Array
+from deltaopt.errors import NO_PLAN, Infeasible, SceneError, if_possible
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
-from deltaopt.planning.cycles.filled_periods import filled_periods
-from deltaopt.planning.cycles.priced_legs import SPARED, PricedLegs, Round
+from deltaopt.planning.cycles.priced_legs import SPARED, USED_UP, PricedLegs, Round
 from deltaopt.planning.cycles.prices import broyden
-from deltaopt.planning.cycles.refusals import (
-    require_long_enough,
-    require_priced,
-    require_rides,
-    too_hot,
-)
+from deltaopt.planning.first_motions.around_bodies import is_clear
 from deltaopt.planning.journal import Progress
+from deltaopt.problem.boundary import REST
 from deltaopt.scene.cycle import Cycle
-from deltaopt.scene.objective import Time
+from deltaopt.scene.feasibility import require_ride
+from deltaopt.scene.objective import Effort, Time
 from deltaopt.settings import TOLERANCES, require_positive, require_type
 
 _MOST_ROUNDS = 30
@@ -54,6 +52,10 @@ _NARROWLY, _HOPELESS = 8, 20
 """After how many rounds of which none kept all limits twice as much is spared in each as in the one
 before, for legs that hardly keep them may leap, as with friction; and after how many, without any
 that did, there is no cycle."""
+_LONGER, _MOST_PERIODS = 1.15, 10
+"""By what factor one period is longer than the one before, and how many there are at most."""
+_APART = 1e-3
+"""How far apart places along a dwell on a belt are at most at which limits are looked at, m."""
 
 
 def plan_cycle(
@@ -84,10 +86,10 @@ def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePla
     cycle, tolerance = sought.cycle, sought.tolerance
     rounds, tried = list[Round](), list[CyclePlan]()
     if cycle.period is None and sought.is_kept(fastest):
-        require_rides(fastest)
+        _require_rides(fastest)
         least = sought.bound([Round(np.zeros(3), fastest)], [])
         return replace(fastest, gap=_above(fastest.period, least))
-    require_priced(fastest)
+    _require_priced(fastest)
     near, best, gaps = sought.slowed(fastest) or fastest, None, list[float]()
     prices, shortest = sought.first(fastest), None
     if cycle.period is not None and not sought.is_kept(fastest):
@@ -95,7 +97,7 @@ def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePla
         begun = replace(fastest, cycle=free.cycle, dwells=cycle.least_dwells)
         shortest = if_possible(NO_PLAN, _planned, free, begun, tell)
     if shortest is not None:
-        require_long_enough(cycle, shortest, shortest.gap)
+        _require_long_enough(cycle, shortest, shortest.gap)
         sought, prices = sought.near_least(fastest, shortest)
         near = sought.with_waits(replace(shortest, cycle=cycle))
         best = sought.slowed(near)
@@ -142,20 +144,20 @@ def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePla
             prices = sought.next(prices, excess, slopes)
     if best is None:
         if shortest is not None:
-            require_long_enough(cycle, shortest, 0.0)
-        raise too_hot(found, sought.limits)
+            _require_long_enough(cycle, shortest, 0.0)
+        raise _too_hot(found, sought.limits)
     periods = fastest.period, best.period
     shares = [each.durations / each.durations.sum() for each in (best, fastest)]
     for of_legs in shares[:1] if np.allclose(shares[0], shares[1], _ALIKE) else shares:
         if gap <= (_POOR if cycle.period is None else tolerance):
             break
-        tried += filled_periods(sought, of_legs, *periods)
+        tried += _filled_periods(sought, of_legs, *periods)
         kept_ones = filter(sought.is_kept, [best, *tried])
         best = sought.exchanged(min(kept_ones, key=sought.value), tried)
         bound = sought.bound(rounds, tried)
         gap = _above(sought.value(best), bound)
         tell(f"legs that fill the period: {best.in_words}")
-    require_rides(best)
+    _require_rides(best)
     if gap <= _POOR:  # else prices do not tell what more torque would save
         best = replace(best, prices=sought.gained(rounds[-1].prices, best))
     return replace(best, gap=max(0.0, gap), rounds=number)
@@ -164,3 +166,73 @@ def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePla
 def _above(cost: float, bound: float) -> float:
     """By what share a cost is above a bound; infinite where the bound tells nothing."""
     return cost / bound - 1 if bound > 0 else inf
+
+
+def _filled_periods(
+    sought: PricedLegs, shares: Array, shortest: float, longest: float
+) -> list[CyclePlan]:
+    """Cycles that wait no longer than they have to, whose legs have these ``shares`` of what is
+    left, (legs,): in the given period, or in longer and longer ones between two, s, until motors
+    stay cool. None where legs end moving."""
+    cycle, found = sought.cycle, list[CyclePlan]()
+    if any(leg.moves_at_ends for leg in cycle.legs):
+        return found
+    longer = (shortest * _LONGER**k for k in range(1, _MOST_PERIODS + 1))
+    periods = [cycle.period] if cycle.period else [p for p in longer if p < longest]
+    for period in periods:
+        durations = (period - sought.dwelt) * (1 - USED_UP) * shares
+        objectives = [Effort(duration=float(each)) for each in durations]
+        filled = if_possible(NO_PLAN, sought.planned, objectives, None)
+        if filled is not None:
+            found.append(filled)
+            if sought.is_kept(filled):
+                break
+    return found
+
+
+def _require_priced(fastest: CyclePlan) -> None:
+    """Raise where the fastest legs take longer than a given period, or nothing but their speed
+    could be changed."""
+    period = fastest.cycle.period
+    if period is not None and fastest.at_work > period:
+        raise Infeasible(
+            f"period is {period:g} s, but the fastest legs that were found and the dwells take "
+            f"{fastest.at_work:.6g} s"
+        )
+    for index, scene in enumerate(fastest.cycle.legs):
+        if scene.follows_path:
+            expected = "a tube beside it, for motors would run too hot at full speed"
+            raise SceneError(None, f"cycle[{index}].path", str(scene.path), expected)
+
+
+def _require_long_enough(cycle: Cycle, shortest: CyclePlan, gap: float) -> None:
+    """Raise where a cycle's given period is below that of the ``shortest`` that was found by more
+    than a relative ``gap``."""
+    if cycle.period is not None and shortest.period > cycle.period * (1 + gap):
+        raise Infeasible(
+            f"period is {cycle.period:.9g} s, but the least that was found with which motors keep "
+            f"their limits of RMS torque is {shortest.period:.9g} s"
+        )
+
+
+def _require_rides(found: CyclePlan) -> None:
+    """Raise what rules it out that the robot moves along with belts while it dwells."""
+    for index, (leg, wait) in enumerate(zip(found.legs, found.waits, strict=True)):
+        velocity = found.cycle.velocity_after(index)
+        if wait is not None and velocity != REST:
+            name, way = f"the dwell after leg {index + 1}", np.linalg.norm(velocity)
+            instants = np.linspace(0.0, wait.duration, 2 + int(way * wait.duration / _APART))
+            require_ride(leg.scene, name, wait.position.at(instants), velocity)
+            if not is_clear(leg.scene, wait):
+                raise Infeasible(f"{name}: the tool is not clear of all bodies at all instants")
+
+
+def _too_hot(found: CyclePlan, limits: Array) -> Infeasible:
+    """Why no cycle was found that keeps all limits of motors' mean square torques, (3,), N²m²,
+    from the last that was tried."""
+    allowed = ", ".join(f"{each:.4g}" for each in np.sqrt(limits))
+    return Infeasible(
+        "no speed and no wait were found with which motors keep their limits of RMS torque, "
+        f"{allowed} N·m: the last that was tried took {found.in_words}; arms at rest are held "
+        "by torques too"
+    )

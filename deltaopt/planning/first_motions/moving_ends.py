@@ -68,7 +68,6 @@ def first_moving_motions(
     limits they take at samples, if that is possible; between two rests not more than all, and the
     quick one up to ``QUICK`` of them.
     """
-    task = scene.task
     direct, quick = from_state_to_state(scene, most), straight_on(scene)
     if direct and quick and quick.duration < _MUCH * direct.duration:
         yield Proposal("a quintic", quick)
@@ -86,7 +85,7 @@ def first_moving_motions(
     if stop is not None:
         for motion in _onwards(scene, stop.position, most):
             yield Proposal("a stop, and on from there", motion)
-    for motion in _with_run_up(scene, None if task.start.velocity == REST else stop, most):
+    for motion in _with_run_up(scene, stop, most):
         yield Proposal("a run-up to the goal", motion)
 
 

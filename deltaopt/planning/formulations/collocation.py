@@ -2,7 +2,7 @@
 
     minimise T + ε Σ_i η_i ∫ (dτ/dc)² dc   over the interval i, c from 0 to 1, τ over its limits
 
-subject to a formulation's equations (see ``equations``), limits and boundary values. The sum is a
+subject to a formulation's equations (see ``choice``), limits and boundary values. The sum is a
 regularisation: in an interval where a torque switches, its values at the points can be exchanged
 for one another at less than 1e-6 of the duration, along directions where the cost is flat or
 slightly concave, and Ipopt needs tens of iterations to follow them. With ε the cost has a minimum

@@ -134,8 +134,8 @@ class PathRows:
     def beyond(self, places: Places, b: Array, u: Array) -> Array:
         """By how much each row exceeds its bounds, negative within them, (N, rows)."""
         values, _, _ = self._evaluated(places, np.sqrt(b), u)
-        above = np.where(self.sides[:, 1], values, -np.inf)
-        return np.asarray(np.maximum(above, np.where(self.sides[:, 0], -values, -np.inf)) - 1)
+        constraints = self.limits.constraints
+        return constraints.size(values, kept_rows(constraints).tolist()) - 1
 
     @property
     def are_affine(self) -> bool:

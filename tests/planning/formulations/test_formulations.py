@@ -15,12 +15,6 @@ from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import NotConverged
 from deltaopt.planning.formulations.choice import Redundant
 from deltaopt.planning.formulations.collocation import FAR, CollocationProblem
-from deltaopt.planning.formulations.equations import (
-    explicit_equations,
-    flat_equations,
-    forward_equations,
-    multiplier_equations,
-)
 from deltaopt.planning.formulations.loop_closure import (
     AccelerationLevel,
     Baumgarte,
@@ -46,10 +40,10 @@ def name(value):
 def equations(scene, formulation, closure=None):
     system = case(scene).system
     build = {
-        "flat": flat_equations,
-        "forward": forward_equations,
-        "explicit": lambda s: explicit_equations(s, closure),
-        "multiplier": lambda s: multiplier_equations(s, closure),
+        "flat": deltaopt.flat.equations,
+        "forward": deltaopt.forward.equations,
+        "explicit": Redundant(deltaopt.explicit, closure).equations,
+        "multiplier": Redundant(deltaopt.multiplier, closure).equations,
     }
     return interpreted(build[formulation](system))  # compiling takes longer than these solves
 
