@@ -19,6 +19,7 @@ from deltaopt.limits.limit import first_highest
 from deltaopt.motion.extrema import everywhere, peaks, sample_fractions
 from deltaopt.motion.limit_curves import LimitShares
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.output.plan_files import MOST_ROWS
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.machine import Model
 from deltaopt.scene.scene import Scene
@@ -81,9 +82,15 @@ class JointTable:
     def at_cycle(cls, trajectory: Trajectory, cycle: float) -> JointTable:
         """Rows at every cycle (s) of a motion that lasts a whole number of them.
 
-        Raises ValueError if it does not.
+        Raises ValueError if it does not, and Infeasible for more than ``MOST_ROWS`` rows.
         """
         number = round(trajectory.duration / cycle)
+        if number >= MOST_ROWS:
+            raise Infeasible(
+                f"the motion takes {trajectory.duration:.6g} s, and a table of it has at most "
+                f"{MOST_ROWS} rows: they may be {trajectory.duration / (0.99 * MOST_ROWS):.3g} s "
+                f"apart, not {cycle:g} s"
+            )
         if number < 1 or abs(trajectory.duration - number * cycle) > 1e-9 * trajectory.duration:
             raise ValueError(f"{trajectory.duration} s are no whole number of cycles of {cycle} s")
         times = trajectory.knots[0] + trajectory.duration * np.arange(number + 1) / number

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import dist, hypot
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -25,6 +26,8 @@ from deltaopt.scene.scene import Scene
 from deltaopt.scene.way import Approach
 
 MOST_LEGS = 100
+_SAME_SPEED = 1e-9
+"""Of a speed: by how much the velocity of a leg may be off that of the one before, by rounding."""
 EXPECTED_LEGS = f"two to {MOST_LEGS} legs, each a mapping with a goal, the last of them the start"
 FREE = "free"
 EXPECTED_DWELL = f"a duration in s, at least 0, or the word {FREE}"
@@ -109,9 +112,24 @@ class Cycle(Record):
                 raise SceneError(
                     None, last, content_of_end(before), CLOSED if index == 0 else THERE
                 )
+            self._require_speeds_of_paths(index)
         if isinstance(self.legs[-1].goal, Belt) and self.period is not None:
             expected = "none in a cycle that starts on a belt: parts follow when it is over"
             raise SceneError(None, "period", self.period, expected)
+
+    def _require_speeds_of_paths(self, index: int) -> None:
+        """Raise SceneError where a path ends or begins at a speed between a leg and the one before,
+        and the other one or the dwell between does not go on with it."""
+        paths = ((k, self.legs[k].path) for k in (index, index - 1))
+        fast = next(((k, path) for k, path in paths if path is not None and any(path.speeds)), None)
+        if fast is None:
+            return
+        ends, begins = self.legs[index - 1].task.goal.velocity, self.legs[index].task.start.velocity
+        waits = self.dwells[index - 1] and any(ends)
+        if waits or dist(ends, begins) > _SAME_SPEED * hypot(*ends):
+            key = f"cycle[{fast[0] % len(self.legs)}].path.speeds"
+            expected = "what the legs beside it begin and end at, and 0 where the robot dwells"
+            raise SceneError(None, key, list(fast[1].speeds), expected)
 
     @property
     def on_belts(self) -> bool:

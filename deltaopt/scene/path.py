@@ -23,6 +23,7 @@ from pydantic import BeforeValidator, Field, PlainSerializer
 
 from deltaopt.curves.nodes import gauss
 from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, shifted
+from deltaopt.curves.standing import slowest_onwards
 from deltaopt.errors import SceneError
 from deltaopt.files.csv_table import WrongCsv, read_csv
 from deltaopt.files.units import LENGTH, SPEED, WIDTH
@@ -45,6 +46,9 @@ at its goal to this, which is rounding."""
 _LIKE_THE_FUNCTION = 1e-12
 """Of its largest coordinate: how closely quintic pieces must follow a given function."""
 _MOST_PIECES = 4096
+_STANDING = 1e-3
+"""Of its largest rate by its parameter, below which a curve is refused: where meshes in s hardly
+move they tell less than what a motion loses."""
 _LARGEST_CSV = 1
 """Largest size of a file of points, MB: some ten thousand."""
 _REVERSED = -1 + 1e-9
@@ -187,7 +191,8 @@ class Curve(GivenPath):
 
     ``x``, ``dx``, ``ddx``: p, dp/ds, d²p/ds² there, (N, 3) each; between them it is the quintic
     that has these values, so that the curve is C². ``Curve.of`` makes one from functions. A place
-    where dp/ds = 0 must be among the parameters.
+    where dp/ds = 0, as where it turns back, must be among the parameters; where it goes on in the
+    same direction |dp/ds| is at least 0.001 of its largest.
 
     Examples:
         >>> import numpy as np
@@ -221,6 +226,17 @@ class Curve(GivenPath):
             rows = getattr(self, name)
             if len(rows) != len(self.s):
                 raise SceneError(None, name, len(rows), f"{len(self.s)} rows, as many as s has")
+        s, share = slowest_onwards(self._path)
+        if share < _STANDING:
+            expected = f"{_STANDING:g} at least: a parameter that grows about as the length does"
+            found = f"has a |dp/ds| at s = {s:.6g} that is {share:.3g} of its largest"
+            raise SceneError(None, "path", None, expected, found)
+
+    @property
+    def _path(self) -> Path:
+        return Path.hermite(
+            *(np.array(each, dtype=float) for each in (self.s, self.x, self.dx, self.ddx))
+        )
 
     @classmethod
     def of(
@@ -263,8 +279,7 @@ class Curve(GivenPath):
             s = np.sort(np.concatenate([s, middles[rough]]))
 
     def between(self, start: Vector3, goal: Vector3) -> Path:
-        numbers = (np.array(each, dtype=float) for each in (self.s, self.x, self.dx, self.ddx))
-        path = Path.hermite(*numbers)
+        path = self._path
         for key, end, found in (("start", start, self.x[0]), ("goal", goal, self.x[-1])):
             if np.linalg.norm(np.subtract(end, found)) > _SAME_PLACE * path.length:
                 raise SceneError(None, key, end, f"where the curve of path has it, {list(found)} m")

@@ -96,6 +96,12 @@ def test_steps_are_whole(trajectory):
         JointTable.at_cycle(trajectory, 4e-3)
 
 
+def test_a_table_has_a_million_rows_at_most(trajectory):
+    """Instead of as many as memory holds, or more."""
+    with pytest.raises(Infeasible, match=r"at most 1000000 rows: .* s apart, not 1e-09"):
+        checked_table(SCENE, trajectory, Rows(1e-9), CUBIC)
+
+
 def test_a_polynomial_of_the_same_degree_is_reproduced():
     """Cubic and quintic pieces from values and derivatives of a polynomial are that polynomial."""
     rng = np.random.default_rng(4)

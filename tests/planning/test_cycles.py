@@ -28,6 +28,7 @@ from deltaopt.motion.running_cost import squared_torques
 from deltaopt.output.cycle_files import verified
 from deltaopt.robot.drive import Friction
 from deltaopt.scene.bodies import Body
+from deltaopt.scene.path import Line
 from studies.bench.hard_moves import robot_of
 from studies.problems import PROBLEMS
 from tests.oracles.cycle import Asked, Leg, best_cycle
@@ -201,6 +202,11 @@ def test_what_cannot_be_is_said():
         plan_cycle(
             Cycle(legs=(path, Scene(robot=INDUSTRIAL, start=THERE, goal=HERE)), rms_torque=9)
         )
+    ends_fast = path.model_copy(update={"path": Line(speeds=(0.0, 0.3))})
+    for others in ((0.0, 0.0), (0.3, 0.0)):  # the second goes on along the way back
+        back = Scene(robot=INDUSTRIAL, start=THERE, goal=HERE, path=Line(speeds=others))
+        with pytest.raises(SceneError, match=r"cycle\[.\]\.path\.speeds is .* begin and end at"):
+            Cycle(legs=(ends_fast, back))
     with pytest.raises(SceneError, match="a cycle ends where it begins"):
         Cycle(legs=(path, Scene(robot=INDUSTRIAL, start=THERE, goal=LIGHT[0])))
 

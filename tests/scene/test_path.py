@@ -144,6 +144,34 @@ def test_a_curve_must_fit_its_scene():
         scene_on(curve)
 
 
+@pytest.mark.parametrize(
+    ("law", "begin", "slowest"),
+    [
+        ([0, 0, 0, 10, -15, 6], 0.0, "s = 0 "),
+        ([0.5, 5e-4, 0, 0.4995], -1.0, "s = 0 "),
+        ([0.5, 0, 0, 0.5], -1.0, "s = 0 "),
+    ],
+    ids=["at rest at its ends for two derivatives", "all but stands", "stands"],
+)
+def test_a_curve_that_all_but_stands_with_its_parameter_is_refused(law, begin, slowest):
+    """Of a straight line: the second took 6.6 % longer than the line, with a gap of 7e-4; the first
+    was off its path."""
+    with pytest.raises(SceneError, match=rf"has a .* at {slowest}that is .* of its largest"):
+        Curve.of(lambda s, order: _on_a_line(law, s, order), begin, 1.0)
+
+
+@pytest.mark.parametrize("law", [[0, 0, 1], [0, 0, 3, -2], [0, 2.2, -1.2]])
+def test_a_curve_may_begin_slowly_and_turn_back(law):
+    """A motion from rest by its time is a curve, and so is one that overshoots and comes back."""
+    curve = Curve.of(lambda s, order: _on_a_line(law, s, order), 0.0, 1.0)
+    assert len(curve.x) > 1
+
+
+def _on_a_line(law: list[float], s: np.ndarray, order: int) -> np.ndarray:
+    y = np.polynomial.Polynomial([*law, 0, 0]).deriv(order)(s)
+    return np.stack([0.85 * (order == 0) + 0 * s, 0.3 * y, 0 * s], axis=1)
+
+
 def test_a_given_path_takes_time_only():
     with pytest.raises(SceneError, match="time, where a path is given"):
         Scene.model_validate({**dict(CROSS), "path": "line", "objective": {"effort": 0.1}})
