@@ -155,11 +155,9 @@ class _SearchOfWays:
         """Plan those of some more ways that promise to be faster than all before."""
         first, others = len(self.trials), not all(way.is_aside for way in ways)
         for way in ways:
-            trial = self._along(way)
-            if len(ways) > 1 or self.trials:
-                trial = self._solved(trial)
-                if others and way.is_aside and not trial.is_solved:
-                    continue  # it leads to nothing as it is
+            trial = self._solved(self._along(way))
+            if others and way.is_aside and not trial.is_solved:
+                continue  # it leads to nothing as it is
             self.trials.append(trial)
             if trial.is_solved:
                 self.durations[len(self.trials) - 1] = trial.motion.duration
