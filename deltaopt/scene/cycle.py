@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from deltaopt.errors import SceneError
+from deltaopt.errors import SceneError, in_words
 from deltaopt.files.units import DURATION, TORQUE
 from deltaopt.files.validated_record import (
     NonNegative,
@@ -26,8 +26,9 @@ from deltaopt.scene.scene import Scene
 from deltaopt.scene.way import Approach
 
 MOST_LEGS = 100
-_SAME_SPEED = 1e-9
-"""Of a speed: by how much the velocity of a leg may be off that of the one before, by rounding."""
+_SAME_SPEED = 1e-6
+"""Of a speed: by how much the velocity of a leg may be off that of the one before: points of a path
+are rounded to a micrometre."""
 EXPECTED_LEGS = f"two to {MOST_LEGS} legs, each a mapping with a goal, the last of them the start"
 FREE = "free"
 EXPECTED_DWELL = f"a duration in s, at least 0, or the word {FREE}"
@@ -128,7 +129,10 @@ class Cycle(Record):
         waits = self.dwells[index - 1] and any(ends)
         if waits or dist(ends, begins) > _SAME_SPEED * hypot(*ends):
             key = f"cycle[{fast[0] % len(self.legs)}].path.speeds"
-            expected = "what the legs beside it begin and end at, and 0 where the robot dwells"
+            expected = (
+                "what the legs beside it begin and end at, and 0 where the robot dwells: between "
+                f"them velocities are {in_words(ends)} and {in_words(begins)} m/s"
+            )
             raise SceneError(None, key, list(fast[1].speeds), expected)
 
     @property

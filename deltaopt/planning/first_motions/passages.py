@@ -40,18 +40,21 @@ _COARSE, _FINE = (5, 7, 7), (9, 13, 13)
 workspace, and takes several times as long."""
 _SPARE = 2e-4
 """m beyond the clearance asked for: corners of a path that touches bodies cannot be rounded."""
+_PLACES, _MOST_PLACES, _MOST_PLANES = 2000, 12_000, 48
+"""How many places are connected, and where these lead to no path, and how many planes between
+bodies are looked at: those with the least detour. Of eight bodies there may be thirteen thousand
+places, of thirty forty thousand and four hundred planes."""
 _TRIED = (
-    (_COARSE, False, _SPARE, 400),
-    (_COARSE, True, _SPARE, 400),
-    (_COARSE, True, 0.0, 400),
-    (_FINE, True, _SPARE, 60),
+    (_COARSE, False, _SPARE, 400, _PLACES),
+    (_COARSE, True, _SPARE, 400, _PLACES),
+    (_COARSE, True, 0.0, 400, _PLACES),
+    (_FINE, True, _SPARE, 60, _PLACES),
+    (_COARSE, True, _SPARE, 400, _MOST_PLACES),
 )
 """In turn: the grid, whether places on long edges and between bodies are looked at too, what is to
-spare (m), and how many searches for a shortest path are made. Each search finds that at least one
-line is blocked, or ends; with the finer grid one takes some 20 ms where there is no way."""
-_MOST_PLACES, _MOST_PLANES = 2000, 48
-"""Of them, and of planes between bodies, those with the least detour: of eight bodies there may be
-thirteen thousand places, of thirty forty thousand and four hundred planes."""
+spare (m), how many searches for a shortest path are made, and over how many places. Each search
+finds that at least one line is blocked, or ends; with the finer grid one takes some 20 ms where
+there is no way."""
 _STEPS = (16, 24, 32)
 """Of grids over all that the robot reaches, along the reach of a chain, which are looked at where
 none of these leads to the goal: a passage in which one has no place may hold one of another."""
@@ -121,12 +124,14 @@ def _over_places(scene: Scene, known: tuple[Vector3, ...]) -> Iterator[Array]:
 def _over_set(scene: Scene, number: int, known: tuple[Vector3, ...]) -> Array | None:
     """The path over one set of places. What is asked for again, as where all ways along such paths
     have failed, is not looked for again."""
-    grid, between, spare, searches = _TRIED[number]
+    grid, between, spare, searches, most = _TRIED[number]
     ends = np.array(given_points(scene.task))
     places = _places(scene, ends, grid, between=between)
     apart = np.linalg.norm(places[:, None] - np.reshape(known, (-1, 3)), axis=2)
     places = places[(apart > _ANOTHER * dist(*ends)).all(axis=1)]
-    return _path(_StraightLines(scene, spare), ends, places, searches)
+    if most > _PLACES >= len(places):
+        return None  # they all have been looked at
+    return _path(_StraightLines(scene, spare), ends, places, searches, most)
 
 
 @lru_cache(maxsize=16)
@@ -142,10 +147,13 @@ def _far_around(scene: Scene) -> Array | None:
     return None
 
 
-def _path(lines: _StraightLines, ends: Array, others: Array, searches: int) -> Array | None:
-    """The shortest clear path over places (N, 3), m, with so many searches at most."""
+def _path(
+    lines: _StraightLines, ends: Array, others: Array, searches: int, most: int
+) -> Array | None:
+    """The shortest clear path over places (N, 3), m, with so many searches, and over so many of
+    them, at most."""
     held = others[lines.room(others) > 0]
-    places = np.vstack([ends, held[_least_detours(ends, held, _MOST_PLACES)]])
+    places = np.vstack([ends, held[_least_detours(ends, held, most)]])
     n = len(places)
     length = np.stack([np.linalg.norm(places - place, axis=1) for place in places])
     ahead, known = length[:, 1].copy(), np.zeros(n, dtype=np.bool)
