@@ -78,7 +78,9 @@ class PiecewisePolynomial:
 
     def with_rate_at(self, t: Array) -> tuple[Array, Array]:
         """Values and their derivatives, (N, m) each, at parameters (N,)."""
-        return self.at(t), self.at(t, 1)
+        intervals = self.interval(t)
+        since = t - self.knots[intervals]
+        return self.inside(intervals, since), self.inside(intervals, since, 1)
 
     def after(self, t: float) -> PiecewisePolynomial:
         """What follows a parameter ``t`` between the first knot and the last, from 0 on."""

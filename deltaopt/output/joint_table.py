@@ -19,7 +19,7 @@ from deltaopt.limits.limit import first_highest
 from deltaopt.motion.extrema import everywhere, peaks, sample_fractions
 from deltaopt.motion.limit_curves import LimitShares
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.plan_files import MOST_ROWS
+from deltaopt.output.plan_files import MOST_ROWS, highest_rate
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.machine import Model
 from deltaopt.scene.scene import Scene
@@ -84,13 +84,13 @@ class JointTable:
 
         Raises ValueError if it does not, and Infeasible for more than ``MOST_ROWS`` rows.
         """
-        number = round(trajectory.duration / cycle)
-        if number >= MOST_ROWS:
+        most = highest_rate(trajectory)
+        if 1 / cycle > most:
             raise Infeasible(
                 f"the motion takes {trajectory.duration:.6g} s, and a table of it has at most "
-                f"{MOST_ROWS} rows: they may be {trajectory.duration / (0.99 * MOST_ROWS):.3g} s "
-                f"apart, not {cycle:g} s"
+                f"{MOST_ROWS} rows: they may be {1 / (0.99 * most):.3g} s apart, not {cycle:g} s"
             )
+        number = round(trajectory.duration / cycle)
         if number < 1 or abs(trajectory.duration - number * cycle) > 1e-9 * trajectory.duration:
             raise ValueError(f"{trajectory.duration} s are no whole number of cycles of {cycle} s")
         times = trajectory.knots[0] + trajectory.duration * np.arange(number + 1) / number
