@@ -53,7 +53,8 @@ class CsvTable:
             raise WrongCsv(f"names no columns and has not {len(names)}, {', '.join(names)}")
         for name in names:
             if self.names and self.names.count(name) != 1:
-                raise WrongCsv(f"has {self.names.count(name)} columns {name}; one is needed")
+                number = self.names.count(name)
+                raise WrongCsv(f"names {number} columns {name} in its first line; one is needed")
         places = [self.names.index(name) if self.names else k for k, name in enumerate(names)]
         values = np.zeros((len(self.rows), len(places)))
         for line, row, found in zip(self.lines, self.rows, values, strict=True):

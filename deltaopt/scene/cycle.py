@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from deltaopt.errors import SceneError, in_words
+from deltaopt.errors import SceneError, in_words, inside
 from deltaopt.files.units import DURATION, TORQUE
 from deltaopt.files.validated_record import (
     NonNegative,
@@ -36,6 +36,14 @@ EXPECTED_RMS = "a torque in N·m, greater than 0, one for all motors or three, o
 THERE = "the point or state that the next leg starts in"
 CLOSED = "the point or state that the first leg starts in, for a cycle ends where it begins"
 
+_Wait = Annotated[NonNegative, DURATION] | Literal["free"]
+
+
+class _Dwell(Record):
+    """How long the robot waits after one leg, s."""
+
+    dwell: _Wait = Field(description=EXPECTED_DWELL)
+
 
 class Cycle(Record):
     """Legs that a robot drives one after the other, over and over.
@@ -58,9 +66,7 @@ class Cycle(Record):
     """
 
     legs: tuple[Scene, ...] = Field(min_length=2, max_length=MOST_LEGS, description=EXPECTED_LEGS)
-    dwells: tuple[Annotated[NonNegative, DURATION] | Literal["free"], ...] = Field(
-        default=(), description=f"for each leg {EXPECTED_DWELL}"
-    )
+    dwells: tuple[_Wait, ...] = Field(default=(), description=f"for each leg {EXPECTED_DWELL}")
     period: Annotated[Positive, DURATION] | None = None
     rms_torque: Annotated[PerMotor, TORQUE] | Literal["none"] | None = optional(EXPECTED_RMS)
 
@@ -75,11 +81,8 @@ class Cycle(Record):
         if dwells is None and isinstance(legs, Sequence):
             dwells = (0.0,) * len(legs)
         for index, dwell in enumerate(dwells if isinstance(dwells, Sequence) else ()):
-            try:
-                cls._valid("dwells", (dwell,))
-            except SceneError as error:
-                key = f"cycle[{index}].dwell"
-                raise SceneError(None, key, dwell, EXPECTED_DWELL, error.problem) from None
+            with inside(key=f"cycle[{index}]"):
+                _Dwell(dwell=dwell)
         return {**content, "dwells": dwells}
 
     def require_consistent(self) -> None:

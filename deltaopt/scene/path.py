@@ -24,7 +24,7 @@ from pydantic import BeforeValidator, Field, PlainSerializer
 from deltaopt.curves.nodes import gauss
 from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, shifted
 from deltaopt.curves.standing import slowest_onwards
-from deltaopt.errors import SceneError
+from deltaopt.errors import SceneError, in_words, inside
 from deltaopt.files.csv_table import WrongCsv, read_csv
 from deltaopt.files.units import LENGTH, SPEED, WIDTH
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Triple, Vector3
@@ -302,7 +302,9 @@ def path_in(value: object) -> object:
         others = {key: each for key, each in value.items() if key != "pick_and_place"}
         if not isinstance(inner, dict):
             raise SceneError(None, "pick_and_place", inner, "{height: …, blend: …} in m")
-        return PickAndPlace.model_validate({**inner, **others})
+        with inside(key="pick_and_place"):
+            own = PickAndPlace.model_validate(inner)
+        return own.model_copy(update=others)
     for kind in (Corners, Curve):
         if any(key in value for key in kind.model_fields if key != "speeds"):
             return kind.model_validate(value)
@@ -345,8 +347,9 @@ def _rounded(corners: Array, blend: float, blend_key: str, points_key: str) -> P
     Raises SceneError where a leg has no length or two roundings overlap.
     """
     lengths = np.linalg.norm(np.diff(corners, axis=0), axis=1)
-    if not (lengths > _SAME_PLACE * lengths.sum()).all():
-        raise SceneError(None, points_key, corners.tolist(), _POINTS)
+    if lengths.min() <= _SAME_PLACE * lengths.sum():
+        problem = f"leads through {in_words(corners[lengths.argmin()])} m twice in a row"
+        raise SceneError(None, points_key, None, _POINTS, problem)
     used = np.full(len(lengths), 2 * blend)  # an outer leg has one corner
     used[[0, -1]] = blend
     shortest = float((lengths / used).min())

@@ -44,6 +44,7 @@ def test_what_stands_beside_the_legs_is_for_all_and_bodies_and_limits_add_up(tmp
     ("old", "new", "said"),
     [
         ("dwell: 50 ms}", "dwell: -3 ms}", r"cycle\[0\].dwell is '-3 ms'; expected a duration"),
+        ("dwell: 50 ms}", "dwell: 50 g}", r"cycle\[0\].dwell is '50 g', which cannot be conv"),
         ("22 N*m", "22 kg", "limits.rms_torque is '22 kg', which cannot be converted to N"),
         ("payload: 1.0", "payload: -1", r"cycle\[0\].payload is -1"),
         ("payload: 1.0", "payloda: 1", r"cycle\[0\].payloda is not a known key"),

@@ -236,7 +236,7 @@ BAD = {
     "not finite": ("t,x,y,z\n0,1,2,nan\n1,1,2,3\n2,1,2,3\n3,1,2,3\n", "z is 'nan' in line 2"),
     "no text": ("t,x,y,z\n\x00\n", "line 2|cannot be read"),
     "no number in a rate": (beside(",vx,vy,vz", ",0,0,n/a"), "vz is 'n/a' in line 2"),
-    "a rate is missing": (beside(",vx,vy", ",0,0"), "0 columns vz"),
+    "a rate is missing": (beside(",vx,vy", ",0,0"), "names 0 columns vz in its first line"),
     "a column twice": (beside(",Y", ",0"), "2 columns y"),
     "digits in groups": (beside(",vx,vy,vz", ",0,0,1_0"), "vz is '1_0'"),
     "a quote left open": (beside(",note", ',"'), "cannot be read as CSV|in quotes"),
