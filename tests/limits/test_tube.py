@@ -22,7 +22,7 @@ from deltaopt.planning.first_motions.in_tube import room_in_tube
 from deltaopt.planning.plan import Plan
 from deltaopt.scene.objective import Effort, TimeAndEffort
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.scene_file import load_scene
+from deltaopt.scene.scene_file import load_robot, load_scene
 from deltaopt.verify.path_distance import farthest_from
 from studies.bench.hard_moves import move
 from studies.bench.statics import Statics
@@ -209,6 +209,17 @@ def test_a_way_is_found_where_the_path_itself_leaves_the_workspace():
     place = np.array([[float(each) for each in written.split(", ")]])
     assert away_by_samples(scene, place).max() < 1e-6 + SPACING_SQUARED**0.5
     assert np.isnan(Statics(scene.robot, 0.0).at(place).angles).any()
+
+
+def test_a_path_that_leaves_the_workspace_by_less_than_the_tube_is_wide():
+    """Up by 94 mm, where the arms reach 72, across and down. It was refused, for its axis cannot be
+    driven; but in the tube is the path that goes up by 70 mm."""
+    orsino = load_robot(PROBLEMS / "robots" / "orsino.yaml")
+    path = {"pick_and_place": {"height": 0.094, "blend": 0.047}}
+    ends = {"start": (0.402, -0.075, 0.351), "goal": (0.361, 0.18, 0.051)}
+    scene = Scene(robot=orsino, payload=0.5, path=path, tube=0.027, **ends)
+    lower = scene.model_copy(update={"path": {"pick_and_place": {"height": 0.07, "blend": 0.035}}})
+    assert planned(scene).duration < good_plan(lower.on_its_path).duration
 
 
 def beside(body: dict, path: str | dict, tube: float, points: list) -> tuple[Scene, Scene]:

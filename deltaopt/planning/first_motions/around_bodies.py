@@ -35,6 +35,7 @@ from deltaopt.planning.first_motions.bands import (
     sides_of,
 )
 from deltaopt.planning.first_motions.bows import bows, is_near_any, sides_around, speeds
+from deltaopt.planning.first_motions.in_tube import along_axis
 from deltaopt.planning.first_motions.initial_motion import Proposal, roughly_fastest
 from deltaopt.planning.first_motions.passages import shortest_paths, what_was_searched
 from deltaopt.problem.of_scene import problem_of
@@ -43,7 +44,8 @@ from deltaopt.scene.scene import Scene
 
 _MARGINS, _GENTLE = (0.02, 0.01, 0.003, 0.001, 3e-4, 1e-4), 2
 """How far bands through passages stay from bodies, as shares of the way from start to goal, one
-after the other until there is room; and how many of the last steps of drawing they get."""
+after the other until there is room; and how many of the last steps of drawing these and the axes of
+tubes get."""
 _DIGITS = 9
 """Decimals of a band's places, m, so that a plan begins with the same bits whatever the processor:
 how BLAS adds, and so the last bits of a band that was drawn tight, differ between them."""
@@ -212,6 +214,13 @@ def _along_lines(scene: Scene, bodies: Bodies, corners: Array) -> Proposal | Non
             return _way(bodies, drawn, motion)
     motion = with_stops(scene, corners)
     return _way(bodies, band, motion) if motion else None
+
+
+def axis_within_reach(scene: Scene) -> Trajectory | None:
+    """The motion along a tube's axis, drawn within reach and tube; None as of ``driven``."""
+    bodies, axis = Bodies.of(scene), resampled(along_axis(scene.axis_of_tube).reshape(-1, 3))
+    drawn = bodies.drawn(bodies.in_reach(axis)[None], TENSIONS[-_GENTLE:])[0]
+    return driven(scene, drawn)
 
 
 def is_clear(scene: Scene, motion: Trajectory) -> bool:

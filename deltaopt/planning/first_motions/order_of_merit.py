@@ -17,6 +17,7 @@ from deltaopt.errors import RULED_OUT, NotConverged, Unreachable, if_possible
 from deltaopt.motion.loads import sizes_at
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.first_motions.around_bodies import axis_within_reach
 from deltaopt.planning.first_motions.bands import without_bodies
 from deltaopt.planning.first_motions.initial_motion import (
     PARABOLAS_AND_CUBICS,
@@ -75,7 +76,8 @@ def in_order_of_merit(scene: Scene) -> Iterator[Trajectory]:
 
 def rounds(scene: Scene) -> Iterator[Iterator[Proposal]]:
     """First motions in order of merit, in two rounds: lines and curves, then paths over a grid. In
-    a tube its axis alone, unless that is ruled out, and then those that stay in it.
+    a tube its axis alone, unless that is ruled out, and then the axis within reach and those that
+    stay in the tube.
 
     The second takes longer, and is better where the workspace is narrow. Raises Unreachable after
     the second round if there was no motion in either, and Infeasible before it where every path
@@ -91,6 +93,8 @@ def rounds(scene: Scene) -> Iterator[Iterator[Proposal]]:
     simple = _lines_and_curves(scene)
     if scene.tube is not None:
         simple = (p for p in simple if _is_in_tube(scene, _cubics(p.motion, _PIECES)))
+        drawn = axis_within_reach(without_bodies(scene))
+        simple = chain([Proposal("the tube's axis, within reach", drawn)] if drawn else [], simple)
     simple, seen = tee(simple)
     yield simple
     require_ends_on_one_side(scene)
