@@ -17,7 +17,7 @@ from math import inf
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
 
-from deltaopt.curves.piecewise import QUINTIC, Array, PiecewisePolynomial
+from deltaopt.curves.piecewise import QUINTIC, Array, Index, PiecewisePolynomial
 from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.bands import resampled
@@ -26,7 +26,7 @@ from deltaopt.robot.model import model_of
 from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.scene import Scene
 
-Index = tuple[int, int, int]
+Step = tuple[int, int, int]
 Room = Callable[[Array], Array]
 """Points (N, 3) in m -> how much room the platform has there, (N,), without unit and at most about
 1: not positive where it must not be. Lengths count twice where it is ``_NARROW``."""
@@ -47,7 +47,7 @@ _ROUNDINGS = (2, 6, 18, 54)
 driven faster, short ones stay closer to the path."""
 _SAMPLES = 192
 """Samples of a path, and cubics of the motion on it: it is only a guess."""
-_STEPS: list[Index] = [
+_STEPS: list[Step] = [
     (a, b, c) for a, b, c in product((-1, 0, 1), repeat=3) if (a, b, c) > (0, 0, 0)
 ]
 """From a point to half of its 26 neighbours; the others are the opposite ones."""
@@ -79,7 +79,11 @@ def spacing(scene: Scene, steps: int) -> float:
 
 
 class _Grid:
-    """``points`` of the workspace, (nx, ny, nz, 3) in m, and the ``room`` at each of them."""
+    """Points of the workspace with room for the platform.
+
+    ``points``: (N, 3), m, and the ``room`` at each, (N,). ``begins``, ``ends``: the points of each
+    line from one to a neighbour, in either direction, (M,), and what it ``costs``, (M,).
+    """
 
     def __init__(self, scene: Scene, steps: int, room_at: Room) -> None:
         """As of ``path_over_grid``."""
@@ -88,9 +92,28 @@ class _Grid:
         wide = steps + int(np.ceil(scene.robot.width / h))
         depths = h * np.arange(-steps // 4, steps + 1)
         across = h * np.arange(-wide, wide + 1)
-        mesh = np.meshgrid(depths, across, across, indexing="ij")
-        self.points = np.stack(mesh, axis=-1) + scene.robot.tool_offset
-        self.room = room_at(self.points.reshape(-1, 3)).reshape(self.points.shape[:3])
+        mesh = np.stack(np.meshgrid(depths, across, across, indexing="ij"), axis=-1)
+        points = mesh.reshape(-1, 3) + scene.robot.tool_offset
+        room = room_at(points)
+        self.points, self.room = points[room > 0], room[room > 0]
+        number = np.full(mesh.shape[:3], -1)
+        number[(room > 0).reshape(number.shape)] = np.arange(len(self.points))
+        begins, ends, costs = zip(*(self._lines(number, step) for step in _STEPS), strict=True)
+        self.begins, self.ends = np.hstack([*ends, *begins]), np.hstack([*begins, *ends])
+        self.costs = np.hstack([*costs, *costs])
+
+    def _lines(self, number: Index, step: Step) -> tuple[Index, Index, Array]:
+        """The lines from points to their neighbours a step on; ``number``: of the points of the
+        whole grid, -1 for those without room."""
+        one = number[*(slice(max(0, -d), -d if d > 0 else None) for d in step)]
+        other = number[*(slice(max(0, d), d if d < 0 else None) for d in step)]
+        both = (one >= 0) & (other >= 0)
+        begin, end = one[both], other[both]
+        room = self.room_at((self.points[begin] + self.points[end]) / 2)
+        room = np.minimum(np.minimum(self.room[begin], self.room[end]), room)
+        begin, end, room = begin[room > 0], end[room > 0], room[room > 0]
+        length = np.linalg.norm(self.points[end] - self.points[begin], axis=-1)
+        return begin, end, np.asarray(length * _weight(room))
 
     def path(self) -> Array | None:
         """The best path from start to goal, (n, 3), m; None where the grid has none."""
@@ -99,87 +122,50 @@ class _Grid:
         arrived = self._connections(goal)
         if not left or not arrived:
             return None
-        edges = [self._edges(step) for step in _STEPS]
-        cost = self._costs(left, edges)
+        cost = self._least_costs(left)
         total = {place: cost[place] + last for place, last in arrived.items()}
         end = min(total, key=lambda place: total[place])
         if total[end] == inf:
             return None
-        return np.vstack([start, self._back(cost, left, edges, end), goal])
+        return np.vstack([start, self._back(cost, left, end), goal])
 
-    def _connections(self, point: Array) -> dict[Index, float]:
+    def _connections(self, point: Array) -> dict[int, float]:
         """Costs of straight lines from a point to those of the grid near it that it can reach."""
         distance = np.linalg.norm(self.points - point, axis=-1)
-        distance[self.room <= 0] = inf
-        nearest = np.argsort(distance, axis=None)[:_CONNECTED]
-        places = np.stack(np.unravel_index(nearest, distance.shape), axis=1)
-        found: dict[Index, float] = {}
+        found = dict[int, float]()
         share = np.linspace(0, 1, _BETWEEN)[:, None]
-        for i, j, k in places.tolist():
-            place = (i, j, k)
-            if distance[place] == inf:
-                break
+        for place in np.argsort(distance, kind="stable")[:_CONNECTED].tolist():
             line = point + share * (self.points[place] - point)
             room = self.room_at(line[1:]).min()
             if room > 0:
                 found[place] = float(distance[place] * _weight(room))
         return found
 
-    def _costs(self, left: dict[Index, float], edges: list[Array]) -> Array:
+    def _least_costs(self, left: dict[int, float]) -> Array:
         """The least cost from the start to every point, infinite where there is no way."""
-        cost = np.full(self.room.shape, inf)
-        for place, first in left.items():
-            cost[place] = first
-        near = [(*_shifted(step), edge) for step, edge in zip(_STEPS, edges, strict=True)]
-        while True:
-            before = cost.copy()
-            for one, other, edge in near:
-                np.minimum(cost[other], cost[one] + edge[one], out=cost[other])
-                np.minimum(cost[one], cost[other] + edge[one], out=cost[one])
-            if (cost == before).all():
-                return cost
+        cost = np.full(len(self.points), inf)
+        cost[list(left)] = list(left.values())
+        lower = np.isfinite(cost)
+        while lower.any():
+            before, onwards = cost.copy(), lower[self.begins]
+            through = cost[self.begins[onwards]] + self.costs[onwards]
+            np.minimum.at(cost, self.ends[onwards], through)
+            lower = cost < before
+        return cost
 
-    def _edges(self, step: Index) -> Array:
-        """Costs of the lines from every point to its neighbour a step on, infinite without one."""
-        found = np.full(self.room.shape, inf)
-        one, other = _shifted(step)
-        begin, end, cost = self.points[one], self.points[other], found[one]
-        both = np.minimum(self.room[one], self.room[other])
-        kept = both > 0
-        middle = self.room_at(((begin + end) / 2)[kept])
-        room = np.minimum(both[kept], middle)
-        length = np.linalg.norm((end - begin)[kept], axis=-1)
-        cost[kept] = np.where(room > 0, length * _weight(room), inf)
-        return found
-
-    def _back(self, cost: Array, left: dict[Index, float], edges: list[Array], end: Index) -> Array:
+    def _back(self, cost: Array, left: dict[int, float], end: int) -> Array:
         """The points from the start to one, along which costs add up."""
         places = [end]
         while not (places[-1] in left and cost[places[-1]] >= left[places[-1]]):
-            places.append(self._before(cost, edges, places[-1]))
-        return np.array([self.points[place] for place in reversed(places)])
-
-    def _before(self, cost: Array, edges: list[Array], place: Index) -> Index:
-        """The neighbour from which a point is reached at its cost. Beyond an end of the grid the
-        other end is looked at, to which no line leads."""
-        through: dict[Index, float] = {}
-        for sign, (step, edge) in product((1, -1), zip(_STEPS, edges, strict=True)):
-            i, j, k = np.mod(np.add(place, np.multiply(sign, step)), cost.shape).tolist()
-            other = (i, j, k)
-            through[other] = cost[other] + edge[place if sign > 0 else other]
-        return min(through, key=lambda other: through[other])
+            to = np.flatnonzero(self.ends == places[-1])
+            begins = self.begins[to]
+            places.append(int(begins[(cost[begins] + self.costs[to]).argmin()]))
+        return self.points[places[::-1]]
 
 
 def _weight(room: Array | float) -> Array | float:
     """By what factor length counts at places with little room."""
     return 1 + _NARROW / np.maximum(room, 1e-6)
-
-
-def _shifted(step: Index) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
-    """Where a grid has points with a neighbour one step on, and where these neighbours are."""
-    one = tuple(slice(max(0, -d), -d if d > 0 else None) for d in step)
-    other = tuple(slice(max(0, d), d if d < 0 else None) for d in step)
-    return one, other
 
 
 def _driven(scene: Scene, path: Array) -> Iterator[Trajectory]:
