@@ -243,21 +243,31 @@ def test_past_a_thin_plate_the_side_is_found_that_multistart_finds():
     assert plan(scene, starts=2).duration <= found.duration * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("name", ["far_around", "far_around_with_clearance"])
+def far_around(name: str) -> Scene:
+    return load_scene(PROBLEMS.parent / "tests" / "data" / "bodies" / f"{name}.yaml")
+
+
+@pytest.mark.parametrize("name", ["far_around", "far_around_with_clearance", "far_around_a_corner"])
 def test_a_way_far_around(name):
     """Found by a campaign: walls around which the only way leads far beyond start and goal, where
-    the platform is above a plane through its elbows. Judged by distances and statics of its own."""
-    scene = load_scene(PROBLEMS.parent / "tests" / "data" / "bodies" / f"{name}.yaml")
+    the platform is above a plane through its elbows, or through a corner of the workspace that only
+    a grid of 48 steps has places in. Judged by distances and statics of its own."""
+    scene = far_around(name)
     corners = next(shortest_paths(scene))
     (wall,) = [body.shape for body in scene.keep_out]
     shares = np.linspace(0.0, 1.0, 101)[:, None]
     path = np.vstack([a + shares * (b - a) for a, b in pairwise(corners)])
-    np.testing.assert_array_equal(path[[0, -1]], scene.given_points)
+    np.testing.assert_array_equal(corners[[0, -1]], scene.given_points)
     beyond = np.abs(path - np.array(wall.centre)) - np.array(wall.half)
     assert np.linalg.norm(np.maximum(beyond, 0), axis=1).min() > scene.least_clearance
     at = Statics(scene.robot, scene.payload or 0.0).at(path)
     assert (np.abs(at.torques) < scene.robot.torque_limits).all()
     assert (at.volumes * at.volumes[0] > 0).all()
+
+
+def test_a_plan_far_around():
+    """It was refused, after 17 attempts from a band that leads out of the workspace."""
+    assert planned(far_around("far_around_a_corner")).duration < 0.48
 
 
 @pytest.mark.parametrize(("name", "duration"), [("beside_three", 0.17908), ("below_four", 0.30465)])

@@ -55,7 +55,7 @@ _TRIED = (
 spare (m), how many searches for a shortest path are made, and over how many places. Each search
 finds that at least one line is blocked, or ends; with the finer grid one takes some 20 ms where
 there is no way."""
-_STEPS = (16, 24, 32)
+_STEPS = (16, 24, 32, 48)
 """Of grids over all that the robot reaches, along the reach of a chain, which are looked at where
 none of these leads to the goal: a passage in which one has no place may hold one of another."""
 _FARTHER = (0.0, 0.5)
@@ -139,11 +139,14 @@ def _far_around(scene: Scene) -> Array | None:
     """A path over a grid of all that the robot reaches, cut short; None if there is none of clear
     lines."""
     lines = _StraightLines(scene, _SPARE)
-    for steps, share in product(_STEPS, _FARTHER):
-        apart = spacing(scene, steps)
-        path = path_over_grid(lines.without, steps, replace(lines, spare=share * apart).room)
-        if path is not None and all(lines.are_clear(a, b[None])[0] for a, b in pairwise(path)):
-            return lines.cut_short(path)
+    for steps in _STEPS:
+        for share in _FARTHER:
+            spare = share * spacing(scene, steps)
+            path = path_over_grid(lines.without, steps, replace(lines, spare=spare).room)
+            if path is None:
+                break  # nor is there one farther from bodies
+            if all(lines.are_clear(a, b[None])[0] for a, b in pairwise(path)):
+                return lines.cut_short(path)
     return None
 
 
