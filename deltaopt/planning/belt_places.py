@@ -15,6 +15,7 @@ from math import inf
 from deltaopt.errors import RULED_OUT, DeltaOptError, Infeasible, if_possible
 from deltaopt.motion.motion_sequence import waiting
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.first_motions.bands import without_bodies
 from deltaopt.planning.first_motions.belt import meetings_of, not_found
 from deltaopt.planning.plan import Plan, plan_as_it_is
 from deltaopt.problem.boundary import REST
@@ -157,9 +158,13 @@ class PlacesOnBelt:
         return plan
 
     def _plan_to(self, time: float) -> Plan | None:
-        """The plan to where the belt is at a time, s, whenever it gets there."""
-        there = self._scene_at(time)
-        plan = if_possible(RULED_OUT, self.planned, there)  # such as beyond a singularity
+        """The plan to where the belt is at a time, s, whenever it gets there: as if there were no
+        bodies, which is sooner known, where even that is too late."""
+        there, plan = self._scene_at(time), None
+        for scene in dict.fromkeys([without_bodies(there), there]):
+            plan = if_possible(RULED_OUT, self.planned, scene)  # such as beyond a singularity
+            if not isinstance(plan, Plan) or plan.duration > (1 + plan.gap) * time:
+                break
         return plan if isinstance(plan, Plan) else None
 
     def _scene_at(self, time: float) -> Scene:

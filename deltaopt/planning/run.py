@@ -209,10 +209,8 @@ class Run(Loop):
         return self.at_worst(scene, self._past_bodies if past_bodies else self.by_merit)
 
     def _past_or_through(self, scene: Scene, proposals: Iterator[Proposal]) -> Plan | DeltaOptError:
-        """From first motions in phases or where an end moves, and from legs past bodies: these come
-        first where bodies are in the way of the others."""
-        if not limits_of(scene).constraints.has_convex:
-            return self.until_good(scene, proposals)
+        """From first motions in phases or where an end moves, and from legs that are planned from
+        rest to rest: these come first where bodies are in the way of the others."""
         first = next(proposals, None)
         legs = chain.from_iterable(proposed_in_legs(scene, self._legs, each) for each in _SLOWER)
         if first is None or not is_clear(scene, first.motion):
@@ -226,7 +224,7 @@ class Run(Loop):
 
     @cached_property
     def _legs(self) -> Legs:
-        """The plans of legs past bodies."""
+        """The plans of legs."""
         rough = replace(self, optimiser=replace(self.optimiser, tolerance=NEARLY))
 
         def planned(scene: Scene) -> Plan:

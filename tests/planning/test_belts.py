@@ -12,6 +12,7 @@ from deltaopt import (
     DeltaOptError,
     Infeasible,
     State,
+    load_robot,
     load_scene,
     plan,
     verify,
@@ -22,6 +23,7 @@ from deltaopt.planning.first_motions.belt import Meetings, not_found
 from deltaopt.planning.loop import Loop
 from deltaopt.robot.model import delta_model
 from studies.bench.hard_moves import move
+from studies.bench.statics import Statics
 from tests.good_plans import good_plan
 
 SCENE = load_scene("problems/moving/belt.yaml")
@@ -119,6 +121,26 @@ def test_when_a_belt_can_be_met_is_what_the_kinematics_say():
     assert not (possible & ~expected).any()
     assert (expected & ~possible).mean() < 0.02
     assert 0.1 < possible.mean() < 0.9
+
+
+def test_a_belt_is_not_met_where_a_forearm_is_in_a_body():
+    """By samples of their lines. Places were planned to where no motion can end, for minutes."""
+    robot = load_robot("problems/robots/industrial_links.yaml")
+    low, high = (0.782, -0.044, 0.003), (0.838, 0.014, 0.097)
+    box = {"box": {"from": low, "to": high}}
+    free = towards((0.924, -0.033, -0.06), (0.0, -0.396, 0.336), robot=robot, clearance=0.002)
+    scene = free.model_copy(update={"keep_out": [box], "robot_keeps_clear": True})
+    meetings = Meetings(scene)
+    otherwise = (meetings.sizes[:, :-1] <= 1).all(axis=1)
+    assert meetings.possible.sum() < otherwise.sum()
+    places = np.array(free.goal.at) + meetings.times[:, None] * free.goal.belt
+    begin, end = Statics(robot, 0.0).forearms(places).swapaxes(0, 2).swapaxes(1, 2)
+    lines = begin + np.linspace(0.0, 1.0, 2001)[:, None, None, None] * (end - begin)
+    away = np.linalg.norm(np.maximum(np.maximum(low - lines, lines - high), 0), axis=-1)
+    clear = away.min(axis=(0, 2)) - robot.link_radius(1) - 0.002
+    known = np.abs(clear) > 1e-5  # samples are 0.4 mm apart
+    assert (meetings.possible == otherwise & (clear > 0))[known].all()
+    assert meetings.possible.any()
 
 
 @pytest.fixture(scope="module")

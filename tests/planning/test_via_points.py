@@ -144,19 +144,22 @@ def test_shipped_scenes_are_verified(name):
     good_plan(load_scene(f"problems/via/{name}.yaml"))
 
 
+UNEQUAL = Robot(
+    name="unequal motors",
+    base_radius=0.15,
+    platform_radius=0.1,
+    upper_arm={"length": 0.3, "mass": 0.8},
+    forearm={"length": 0.55, "mass": 0.3},
+    platform={"mass": 0.4},
+    drive={"torque": (12.0, 30.0, 20.0), "speed": 9.0},
+)
+
+
 def test_a_sphere_whose_centre_is_beyond_a_singularity():
     """Found by a campaign: nowhere on the way, but somewhere in the sphere, can the robot be."""
     inside = {"at": (0.1675271, 0.1105516, 0.2000016), "within": 0.0948637}
     scene = Scene(
-        robot=Robot(
-            name="unequal motors",
-            base_radius=0.15,
-            platform_radius=0.1,
-            upper_arm={"length": 0.3, "mass": 0.8},
-            forearm={"length": 0.55, "mass": 0.3},
-            platform={"mass": 0.4},
-            drive={"torque": (12.0, 30.0, 20.0), "speed": 9.0},
-        ),
+        robot=UNEQUAL,
         start=(0.1462398, 0.3336443, 0.1892706),
         goal=(0.3441271, -0.3138207, 0.2521212),
         via=[inside, {"at": (0.1600691, -0.1209098, 0.2662515), "within": 0.0258461}],
@@ -165,6 +168,16 @@ def test_a_sphere_whose_centre_is_beyond_a_singularity():
     with pytest.raises(deltaopt.DeltaOptError):
         plan(centre)
     good_plan(scene, tolerance=1e-2)
+
+
+def test_through_points_to_a_belt_that_only_legs_from_rest_to_rest_lead_to():
+    """Found by a campaign: it was refused, for neither a spline nor stops along simple curves keep
+    the limits. The robot rests at most at each point, so it is there in time."""
+    points = [(0.433, -0.421, -0.019), (0.318, -0.192, 0.014), (0.251, -0.209, -0.194)]
+    belt = Belt(at=(0.152, -0.116, -0.287), belt=(0.0, 0.063, 0.584))
+    start = (0.408, -0.5, 0.158)
+    scene = Scene(robot=UNEQUAL, payload=0.786, start=start, goal=belt, via=points)
+    assert good_plan(scene).duration < 0.95
 
 
 def near(within, centre=BENT, **settings):

@@ -14,6 +14,7 @@ from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.feasibility import exceeded
 from deltaopt.scene.known_limits import limits_of
+from deltaopt.scene.links import rooms_at
 from deltaopt.scene.scene import Scene
 
 _PLACES = 240
@@ -34,8 +35,8 @@ class Meetings:
 
     ``times``: when the goal is there, s after the motion's start, increasing; none if it never
     comes near. ``near``: how near the base's centre that is, m. ``sizes``: of the limits of
-    position and speed with the platform there at the belt's velocity, 1 at a limit, (N, rows), 0 of
-    others; not a number out of reach.
+    position and speed with the platform there at the belt's velocity, and of links that are to keep
+    clear of bodies, 1 at a limit, (N, rows), 0 of others; not a number out of reach.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -55,7 +56,12 @@ class Meetings:
         sizes = sizes_at(problem_of(self.scene), line, last, since / last)[0]
         constraints = limits_of(self.scene).constraints
         counted = constraints.promised & (constraints.orders < 2)
-        return np.asarray(sizes * counted)  # out of reach is out of reach
+        sizes = sizes * counted  # out of reach is out of reach
+        if self.scene.robot_keeps_clear and self.scene.keep_out:
+            places = line[0, 0] + since[:, None] * line[0, 1]
+            room = rooms_at(self.scene, places).min(axis=(1, 2))
+            sizes = np.column_stack([sizes, 1 - room / self.near])
+        return np.asarray(sizes)
 
     def _where_limits_begin(self) -> Array:
         """Instants at which it begins or ceases to be possible to meet the belt, s, each just where

@@ -29,7 +29,7 @@ from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
 
-_NAME = "motions past the bodies from rest to rest"
+_NAME = "motions from rest to rest"
 _PROMISING = 1.2
 """How much slower than the best way of a leg another one may be."""
 _ALONE = dict.fromkeys(("via", "approach", "rotation")) | {"objective": Time()}
