@@ -76,11 +76,12 @@ def least_clearance(body: Convex, path: PiecewisePolynomial, asked: float) -> tu
     It is that of an instant where all of the motion is known to keep what is asked for (m), and
     otherwise a bound that no instant falls below.
     """
+    largest = largest_accelerations(path)
 
     def nearness(parts: Parts) -> tuple[Array, Array, Array]:
         distance, normal = distance_from(body, parts.at())
         towards = np.abs((normal * parts.at(1)).sum(axis=1))
-        off = parts.largest(2) * parts.half**2 / 2
+        off = largest[parts.piece] * parts.half**2 / 2
         bound = distance - towards * parts.half - off
         return -distance[:, None], parts.middles, -bound[:, None]
 
@@ -93,6 +94,13 @@ def least_clearance(body: Convex, path: PiecewisePolynomial, asked: float) -> tu
         most=MOST,
     )
     return -nearest, where
+
+
+def largest_accelerations(path: PiecewisePolynomial) -> Array:
+    """What the norm of the second derivative is at most in each piece, (K,)."""
+    sizes = np.linalg.norm(path.derivative().derivative().coefficients, axis=2)
+    lengths = np.diff(path.knots)[:, None]
+    return np.asarray((sizes * lengths ** np.arange(sizes.shape[1])).sum(axis=1))
 
 
 def distance_from(body: Convex, x: Array) -> tuple[Array, Array]:
@@ -199,9 +207,10 @@ def sure_robot_clearance(scene: Scene, trajectory: Trajectory) -> float:
     for that of an instant, and otherwise a bound that no instant falls below."""
     robot = as_delta(scene.robot)
     bodies, radii = _bodies(scene), link_radii(robot)
+    largest = largest_accelerations(trajectory.position)
 
     def nearness(parts: Parts) -> tuple[Array, Array, Array]:
-        ends, rates, off = moving_links(robot, trajectory.model, parts)
+        ends, rates, off = moving_links(robot, trajectory.model, parts, largest[parts.piece])
         begin, way = ends[:, :, 0], ends[:, :, 1] - ends[:, :, 0]
         distances, bounds = list[Array](), list[Array]()  # (N, 6) for each body, m
         for body in bodies:
@@ -228,17 +237,20 @@ def _bodies(scene: Scene) -> list[Convex]:
     return [body for _, body in sums(scene.keep_out or (), None)]
 
 
-def moving_links(robot: Robot, model: Model, parts: Parts) -> tuple[Array, Array, Array]:
+def moving_links(
+    robot: Robot, model: Model, parts: Parts, largest: Array
+) -> tuple[Array, Array, Array]:
     """The lines of all links in the middles of N parts of a motion: their ends, (N, 6, 2, 3), m,
     how fast these move, m/s, and by how much they are off uniform motion within the parts at most,
-    (N, 6, 2), m; infinite where that is not known."""
+    (N, 6, 2), m; infinite where that is not known. ``largest``: what the platform's acceleration is
+    at most in each part, (N,), m/s²."""
     x, v = parts.at(), parts.at(1)
     q, dq, _ = model.motion(x, v, np.zeros_like(x))
     geometry, dtheta = LinkGeometry(robot, x, q[:, 3::3]), dq[:, 3::3]
     bars, ahead = geometry.pins - geometry.elbows, geometry.ahead
     elbow_rates = robot.upper_arm.length * dtheta[..., None] * ahead
     pin_rates = np.broadcast_to(v[:, None], elbow_rates.shape)
-    largest, h = parts.largest(2)[:, None], parts.half[:, None]
+    largest, h = largest[:, None], parts.half[:, None]
     L, length, speed = robot.upper_arm.length, robot.forearm.length, np.abs(dtheta)
     bend = largest + L * dtheta**2
     fastest = np.linalg.norm(pin_rates - elbow_rates, axis=2) + bend * h
