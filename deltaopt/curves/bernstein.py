@@ -43,11 +43,6 @@ def halves(points: Array) -> tuple[Array, Array]:
     return first @ points, first[::-1, ::-1] @ points
 
 
-def middles(points: Array) -> Array:
-    """Values in the middles of the intervals, (N, m), of control points (N, d + 1, m)."""
-    return np.asarray(_to_first_half(points.shape[1] - 1)[-1] @ points)
-
-
 def raised(points: Array, degree: int) -> Array:
     """Control points of the same polynomials as ones of a higher degree."""
     return np.asarray(_to_degree(points.shape[1] - 1, degree) @ points)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Protocol, Self, TypeVar
+from dataclasses import dataclass, replace
+from typing import Self, TypeVar
 
 import numpy as np
 
+from deltaopt.curves.bernstein import parts_of
 from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, Truths
 
 
@@ -63,16 +64,58 @@ def nearest_on_lines(
     return share
 
 
-class Halvable(Protocol):
-    """Parts of something, N of them."""
+@dataclass(frozen=True)
+class Parts:
+    """Parts of a curve about places: piece, how far it is in it, half of the part, (N,) each."""
 
-    def __len__(self) -> int: ...
+    curve: PiecewisePolynomial
+    piece: Index
+    since: Array
+    half: Array
+
+    @classmethod
+    def of(cls, curve: PiecewisePolynomial, first: int) -> Self:
+        """So many equal parts of each piece."""
+        lengths = np.diff(curve.knots)
+        piece = np.repeat(np.arange(len(lengths)), first)
+        half = lengths[piece] / (2 * first)
+        since = half * (2 * np.tile(np.arange(first), len(lengths)) + 1)
+        return cls(curve, piece, since, half)
+
+    def __len__(self) -> int:
+        return len(self.half)
+
+    @property
+    def middles(self) -> Array:
+        """The middle of each, (N,)."""
+        return np.asarray(self.curve.knots[self.piece] + self.since)
+
+    def at(self, order: int = 0) -> Array:
+        """Values of the curve in the middles, or derivatives, (N, m)."""
+        return self.curve.inside(self.piece, self.since, order)
 
     def halved(self, which: Truths) -> Self:
-        """Both halves of some of them, (N,)."""
+        """Both halves of some of them, (N,): all first halves, then all second ones."""
+        piece, since, half = self.piece[which], self.since[which], self.half[which] / 2
+        both = np.concatenate([since - half, since + half])
+        return replace(self, piece=np.tile(piece, 2), since=both, half=np.tile(half, 2))
+
+    def control_points(self) -> Array:
+        """Of the curve in each part, by Bernstein's form, (N, d + 1, m)."""
+        own = self.curve.coefficients[self.piece]
+        return parts_of(own, self.since - self.half, 2 * self.half)
+
+    def largest(self, order: int) -> Array:
+        """What the norm of a derivative of the curve is at most in each part, by its Taylor series
+        about the middle, (N,)."""
+        found, share = np.zeros(len(self)), np.ones(len(self))
+        for above in range(self.curve.coefficients.shape[1] - order):
+            found += share * np.linalg.norm(self.at(order + above), axis=1)
+            share = share * self.half / (above + 1)
+        return found
 
 
-P = TypeVar("P", bound=Halvable)
+P = TypeVar("P", bound=Parts)
 
 
 def halve_until_known(
@@ -129,49 +172,3 @@ def surely_largest(
 
     halve_until_known(parts, unknown, halvings, most)
     return found
-
-
-@dataclass(frozen=True)
-class Parts:
-    """Parts of a curve about places: piece, how far it is in it, half of the part, (N,) each."""
-
-    curve: PiecewisePolynomial
-    piece: Index
-    since: Array
-    half: Array
-
-    @classmethod
-    def of(cls, curve: PiecewisePolynomial, first: int) -> Self:
-        """So many equal parts of each piece."""
-        lengths = np.diff(curve.knots)
-        piece = np.repeat(np.arange(len(lengths)), first)
-        half = lengths[piece] / (2 * first)
-        since = half * (2 * np.tile(np.arange(first), len(lengths)) + 1)
-        return cls(curve, piece, since, half)
-
-    def __len__(self) -> int:
-        return len(self.half)
-
-    @property
-    def middles(self) -> Array:
-        """The middle of each, (N,)."""
-        return np.asarray(self.curve.knots[self.piece] + self.since)
-
-    def at(self, order: int = 0) -> Array:
-        """Values of the curve in the middles, or derivatives, (N, m)."""
-        return self.curve.inside(self.piece, self.since, order)
-
-    def halved(self, which: Truths) -> Self:
-        """Both halves of some of them."""
-        piece, since, half = self.piece[which], self.since[which], self.half[which] / 2
-        both = np.concatenate([since - half, since + half])
-        return type(self)(self.curve, np.tile(piece, 2), both, np.tile(half, 2))
-
-    def largest(self, order: int) -> Array:
-        """What the norm of a derivative of the curve is at most in each part, by its Taylor series
-        about the middle, (N,)."""
-        found, share = np.zeros(len(self)), np.ones(len(self))
-        for above in range(self.curve.coefficients.shape[1] - order):
-            found += share * np.linalg.norm(self.at(order + above), axis=1)
-            share = share * self.half / (above + 1)
-        return found

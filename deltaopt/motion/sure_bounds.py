@@ -9,15 +9,13 @@ says enough. So a limit that is kept is known to be kept at all instants, not at
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction, dense_function
-from deltaopt.curves.bernstein import control_points_of, halves, middles
-from deltaopt.curves.halving import halve_until_known
+from deltaopt.curves.halving import Parts, halve_until_known
 from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, Truths
 from deltaopt.limits.constraints import Constraints
 from deltaopt.problem.problem import Problem
@@ -89,35 +87,20 @@ def _excess(problem: Problem, position: PiecewisePolynomial, groups: Index, know
     most = np.full((groups[-1] + 1, len(bound)), -np.inf)
     least = most.copy()
 
-    def unknown(pieces: _Pieces, is_last: bool) -> Truths:
-        middle = middles(pieces.points)
+    def unknown(parts: Parts, is_last: bool) -> Truths:
+        middle, own = parts.at(), groups[parts.piece]
         distance, slope = signed_distances(problem, middle)
-        away = pieces.points - middle[:, None]
+        away = parts.control_points() - middle[:, None]
         lowest = distance + (slope @ away.swapaxes(1, 2)).min(axis=2)
         below, beyond = (bound - lowest) / scale, (bound - distance) / scale
-        np.maximum.at(least, pieces.groups, beyond)
-        enough = (1 + known) * np.maximum(least[pieces.groups], 0.0)
+        np.maximum.at(least, own, beyond)
+        enough = (1 + known) * np.maximum(least[own], 0.0)
         is_known = (below <= enough) | is_last
-        np.maximum.at(most, pieces.groups, np.where(is_known, below, beyond))
+        np.maximum.at(most, own, np.where(is_known, below, beyond))
         return np.asarray(~is_known.all(axis=1))
 
-    halve_until_known(_Pieces(control_points_of(position), groups), unknown, _HALVINGS, _CELLS)
+    halve_until_known(Parts.of(position, 1), unknown, _HALVINGS, _CELLS)
     return most
-
-
-@dataclass(frozen=True)
-class _Pieces:
-    """Pieces of a motion: control points, (N, d + 1, 3), and the group of each, (N,)."""
-
-    points: Array
-    groups: Index
-
-    def __len__(self) -> int:
-        return len(self.points)
-
-    def halved(self, which: Truths) -> _Pieces:
-        """First halves of some of them, then second ones."""
-        return _Pieces(np.concatenate(halves(self.points[which])), np.tile(self.groups[which], 2))
 
 
 def signed_distances(problem: Problem, x: Array) -> tuple[Array, Array]:

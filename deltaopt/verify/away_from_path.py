@@ -10,12 +10,13 @@ holds at all instants.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
-from deltaopt.curves.bernstein import control_points_of, halves, largest_norm, parts_of, raised
-from deltaopt.curves.halving import surely_largest
+from deltaopt.curves.bernstein import largest_norm, parts_of, raised
+from deltaopt.curves.halving import Parts, surely_largest
 from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, Truths
 from deltaopt.scene.path import Path
 
@@ -32,39 +33,26 @@ _FEWEST = 1000
 
 
 Inside = Callable[[Index, Array, Array, Array], Array]
-"""The parameters s of the places of a path, (N,), at fractions of pieces, (N,) each, where a motion
-is at x, (N, 3), between those of the ends of the parts about them, (N, 2)."""
+"""The parameters s of the places of a path, (N,), in pieces of a motion, so long since these began,
+(N,) each, where it is at x, (N, 3), between those of the ends of the parts about them, (N, 2)."""
 Bound = Callable[[Array, Array], Array]
 """What parts of a motion with control points (N, d + 1, 3) are away from a path at most, (N,), m,
 if the places of these parameters, (N, 2), go with their ends."""
 
 
 @dataclass(frozen=True)
-class _Parts:
-    """Parts of a motion: piece (N,), begin and end as fractions of it (N, 2), control points
-    (N, d + 1, 3), and the parameters of the places at both ends (N, 2)."""
+class _Parts(Parts):
+    """Parts of a motion that know the parameters of the places at both of their ends, (N, 2)."""
 
     inside: Inside
-    pieces: Index
-    ends: Array
-    points: Array
     s: Array
 
-    def __len__(self) -> int:
-        return len(self.pieces)
-
-    def halved(self, which: Truths) -> _Parts:
-        """Both halves of some of the parts: all first halves, then all second ones."""
-        pieces, in_piece, s = self.pieces[which], self.ends[which], self.s[which]
-        first, second = halves(self.points[which])
-        middle = in_piece.mean(axis=1)
-        passed = self.inside(pieces, middle, second[:, 0], s)
-        ends, own = (
-            np.concatenate([np.stack([a, m], axis=1), np.stack([m, b], axis=1)])
-            for (a, b), m in ((in_piece.T, middle), (s.T, passed))
-        )
-        points = np.concatenate([first, second])
-        return _Parts(self.inside, np.tile(pieces, 2), ends, points, own)
+    def halved(self, which: Truths) -> Self:
+        """Both halves of some of them."""
+        (begin, end), x = self.s[which].T, self.at()[which]
+        middle = self.inside(self.piece[which], self.since[which], x, self.s[which])
+        own = [np.stack(ends, axis=1) for ends in ((begin, middle), (middle, end))]
+        return replace(super().halved(which), s=np.concatenate(own))
 
 
 def largest_distance(
@@ -81,18 +69,17 @@ def largest_distance(
     It is that of an instant where all of the motion is known to keep what is asked for (m), and
     otherwise a bound that no instant exceeds.
     """
-    knots, number = position.knots, len(position.coefficients)
 
     def distances(parts: _Parts) -> tuple[Array, Array, Array]:
-        away = parts.points[:, [0, -1]] - path(parts.s.ravel()).reshape(-1, 2, 3)
+        points = parts.control_points()
+        away = points[:, [0, -1]] - path(parts.s.ravel()).reshape(-1, 2, 3)
         at_ends = np.linalg.norm(away, axis=2)
-        share = parts.ends[np.arange(len(parts)), at_ends.argmax(axis=1)]
-        when = knots[parts.pieces] * (1 - share) + knots[parts.pieces + 1] * share
-        return at_ends.max(axis=1)[:, None], when, bound(parts.points, parts.s)[:, None]
+        when = parts.middles + np.where(at_ends.argmax(axis=1), parts.half, -parts.half)
+        return at_ends.max(axis=1)[:, None], when, bound(points, parts.s)[:, None]
 
-    ends, s = np.tile([0.0, 1.0], (number, 1)), np.stack([at_knots[:-1], at_knots[1:]], axis=1)
+    s = np.stack([at_knots[:-1], at_knots[1:]], axis=1)
     return surely_largest(
-        _Parts(inside, np.arange(number), ends, control_points_of(position), s),
+        _Parts(**vars(Parts.of(position, 1)), inside=inside, s=s),
         distances,
         asked * (1 + _ENOUGH),
         known=lambda over: (1 + _KNOWN) * over,

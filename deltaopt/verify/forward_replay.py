@@ -13,6 +13,7 @@ motion is also followed in pieces, each from the reported state and too short fo
 from __future__ import annotations
 
 from functools import lru_cache
+from math import ceil, inf, log2
 from typing import Any
 
 import casadi as ca
@@ -148,41 +149,26 @@ def _pieces(scene: Scene, trajectory: Trajectory, units: Units) -> tuple[list[fl
     fastest = float(rates.max()) or 1 / float(lengths.sum())
     M[..., :3, 3:] *= fastest  # velocities in units of length times the fastest rate
     M[..., 3:, :3] /= fastest
-    transition, logarithm = np.eye(6), 0.0
-    grown, growths = _exponentials(M * stretches[:, None, None])
-    for each, growth in zip(grown, growths.tolist(), strict=True):
-        transition, more = _normalised(each @ transition)
-        logarithm += growth + float(more)
-    logarithm += float(np.log(np.linalg.norm(transition, 2)))
+    transition = np.eye(6)
+    for each in _exponentials(M * stretches[:, None, None]):
+        transition = each @ transition
+    grown = float(np.linalg.norm(transition, 2)) if np.isfinite(transition).all() else inf
     highest = rates.reshape(len(lengths), -1).max(axis=1)
     counts = np.maximum(np.ceil(lengths * highest), 1.0)
-    return counts.tolist(), float(np.exp(min(logarithm, 700.0)))
+    return counts.tolist(), grown
 
 
-def _exponentials(M: Array) -> tuple[Array, Array]:
-    """exp of matrices (S, n, n), each of largest element 1, and the logarithms of what they were
-    divided by, (S,).
-
-    By the series of exp (M / 2ᵏ), of norm about 1 at most, squared k times.
-    """
-    squarings = np.ceil(np.log2(np.maximum(np.linalg.norm(M, axis=(1, 2)), 1.0)))
-    scaled = M / 2.0 ** squarings[:, None, None]
+def _exponentials(M: Array) -> Array:
+    """exp of matrices (S, n, n): the series of exp (M / 2ᵏ), of norm 1 at most, squared k times."""
+    largest = float(np.linalg.norm(M, axis=(1, 2)).max())
+    squarings = ceil(log2(max(largest, 1.0)))
     total = term = np.broadcast_to(np.eye(M.shape[1]), M.shape)
     for power in range(1, 20):
-        term = term @ scaled / power
+        term = term @ M / (power * 2.0**squarings)
         total = total + term
-    total, logarithms = _normalised(total)
-    for squared in range(int(squarings.max(initial=0.0))):
-        left = squarings > squared
-        total[left], more = _normalised(total[left] @ total[left])
-        logarithms[left] = 2 * logarithms[left] + more
-    return total, logarithms
-
-
-def _normalised(matrices: Array) -> tuple[Array, Array]:
-    """Matrices (…, n, n) divided by their largest elements, and the logarithms of these, (…)."""
-    sizes = np.abs(matrices).max(axis=(-2, -1))
-    return matrices / sizes[..., None, None], np.log(sizes)
+    for _ in range(squarings):
+        total = total @ total
+    return np.asarray(total)
 
 
 def _linearised(scene: Scene, trajectory: Trajectory, units: Units, inside: Array) -> Array:

@@ -65,8 +65,8 @@ class _FollowedPlaces:
         rates = path.inside(places, (since[:, None] + length[:, None] * _NODES).ravel(), 1)
         ways = _summed(_integrals(rates, length))
         self.marks = np.append(path.knots[pieces] + since, path.knots[-1])
-        self.ways, number = ways / ways[-1], len(position.knots) - 1
-        self.gone = _summed(self._way(np.arange(number), np.ones(number)))
+        self.ways, lengths = ways / ways[-1], np.diff(position.knots)
+        self.gone = _summed(self._way(np.arange(len(lengths)), lengths))
 
     def at_knots(self) -> Array:
         x, (first, last) = self.position.at(self.position.knots), self.path.knots[[0, -1]]
@@ -75,8 +75,8 @@ class _FollowedPlaces:
         s[0], s[-1] = first, last
         return np.asarray(np.maximum.accumulate(s))
 
-    def inside(self, pieces: Index, fractions: Array, x: Array, s: Array) -> Array:
-        guess = self._guess(self.gone[pieces] + self._way(pieces, fractions))
+    def inside(self, pieces: Index, since: Array, x: Array, s: Array) -> Array:
+        guess = self._guess(self.gone[pieces] + self._way(pieces, since))
         return _closest(self.path, x, np.clip(guess, *s.T), *s.T)[1]
 
     def bound(self, points: Array, s: Array) -> Array:
@@ -101,9 +101,8 @@ class _FollowedPlaces:
     def _guess(self, gone: Array) -> Array:
         return np.asarray(np.interp(gone / self.gone[-1], self.ways, self.marks))
 
-    def _way(self, pieces: Index, fractions: Array) -> Array:
-        """How far the motion goes in parts from the beginning of pieces, (N,), m."""
-        length = np.diff(self.position.knots)[pieces] * fractions
+    def _way(self, pieces: Index, length: Array) -> Array:
+        """How far the motion goes in so long since the beginning of pieces, (N,), m."""
         since = (length[:, None] * _NODES).ravel()
         return _integrals(self.position.inside(np.repeat(pieces, len(_NODES)), since, 1), length)
 
@@ -264,7 +263,7 @@ def farthest_from(path: Path, position: PiecewisePolynomial, asked: float) -> tu
         path,
         position,
         nearest_places(path, position.at(position.knots))[0],
-        lambda pieces, fractions, x, s: nearest_places(path, x)[0],
+        lambda pieces, since, x, s: nearest_places(path, x)[0],
         bound,
         asked,
     )

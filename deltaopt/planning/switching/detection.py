@@ -50,31 +50,22 @@ class DetectionSettings:
     shorter one a blurred switch. ``control``, ``velocity``: rows from which on a limit counts as
     active, everywhere in an interval; controls come to a limit in a jump, and coarse polynomials
     leave some of it unused, velocities come gradually. ``multiplier``: least multiplier of an
-    active limit of a control, relative to the largest. ``split``: whether a state limit is inactive
-    where its multiplier is negligible for a while in between.
+    active limit of a control, relative to the largest.
     """
 
     widest: int = 3
     control: float = 0.9
     velocity: float = 0.99
     multiplier: float = 0.0
-    split: bool = True
 
 
-STANDARD = (
-    DetectionSettings(),
-    DetectionSettings(multiplier=3e-4),
-    DetectionSettings(split=False),
-    DetectionSettings(multiplier=3e-4, split=False),
-)
+STANDARD = (DetectionSettings(), DetectionSettings(multiplier=3e-4))
 """For a coarse mesh, to be tried one after the other."""
 SHARP = (
     DetectionSettings(control=0.99, velocity=0.9999),
     DetectionSettings(control=0.99, velocity=0.9999, widest=8),
     DetectionSettings(velocity=0.9999, multiplier=5e-5),
     DetectionSettings(velocity=0.9999, multiplier=5e-5, widest=8),
-    DetectionSettings(control=0.99, velocity=0.9999, split=False),
-    DetectionSettings(velocity=0.9999, multiplier=5e-5, split=False),
 )
 """For a fine mesh, where active limits are met almost exactly."""
 BY_MULTIPLIERS = (
@@ -134,9 +125,7 @@ def _active(
     for order, of_state in enumerate(multipliers.states):
         for k in range(m):
             own = np.zeros(N) if of_state is None else of_state[:, k]
-            states[:, k, order], found = _with_multipliers(
-                ends, states[:, k, order], own, settings.split
-            )
+            states[:, k, order], found = _with_multipliers(ends, states[:, k, order], own)
             for t, sign in found:
                 contacts[k][t] = contacts[k].get(t, INACTIVE).with_contact(order, sign)
     return np.where(enough, control, 0), states, contacts, weight
@@ -149,19 +138,16 @@ def _at_limit(row: Array, at_limit: float) -> Signs:
 
 
 def _with_multipliers(
-    ends: Array, seems: Signs, multiplier: Array, split: bool
+    ends: Array, seems: Signs, multiplier: Array
 ) -> tuple[Signs, list[tuple[float, int]]]:
     """Where a state limit that seems active has a multiplier, (N,), and its contact points, each
-    (instant, sign)."""
+    (instant, sign). Where its multiplier is negligible for a while in between it is inactive."""
     active, contacts = np.zeros_like(seems), []
     total = np.abs(multiplier) * np.diff(ends)
     for i, j, sign in _runs(seems):
         if not sign or total[i:j].sum() < _NEGLIGIBLE:
             continue
         large = np.abs(multiplier[i:j]) > _SMALL * total[i:j].sum() / (ends[j] - ends[i])
-        if not split:
-            found = np.flatnonzero(large)
-            large[found[0] : found[-1] + 1] = True
         for begin, end, is_large in _runs(large.astype(np.int8)):
             own = total[i + begin : i + end]
             if not is_large or own.sum() < _NEGLIGIBLE:

@@ -43,11 +43,6 @@ _SHIFT_FALL = 30.0
 """By what factor the shift falls after a step: faster gives Newton's own steps back sooner."""
 _CUTS = 4
 """How often a step that leaves the workspace is cut to a third."""
-_REVERSED = 1e-3
-"""Length, as a fraction of the duration, below minus which an arc counts as reversed: its switches
-are exchanged if it stays so for more than two steps."""
-_NEARLY = 0.1
-"""Residual below which a reversed arc is believed."""
 _TINY = 2e-3
 """Length, as a fraction of the duration, below which an arc that every step shortens by as much as
 allowed is vanishing. A larger value gives up arcs that would recover, a smaller one costs steps."""
@@ -95,10 +90,9 @@ class _Newton:
         self._system, self._shift = KKTSystem(conditions, point, self._barrier), 0.0
         self._residual = self._least = np.inf
         self._lengths = np.full(conditions.mesh.arcs, np.inf)
-        self._reversed_for = 0
 
     def result(self) -> StationaryPoint:
-        """Steps until the point has converged, or arcs are vanishing or reversed."""
+        """Steps until the point has converged, or arcs are vanishing."""
         for iteration in range(_ITERATIONS):
             before, self._residual = self._residual, self._system.residual
             if not np.isfinite(self._residual):
@@ -108,8 +102,7 @@ class _Newton:
             converged = self._residual < _CONVERGED or stalled
             if converged and self._barrier <= self._last:
                 return StationaryPoint(self._polished(), iteration, np.zeros_like(vanishing))
-            is_reversed = self._reversed_for > 2 and self._residual < _NEARLY
-            if is_reversed or (iteration > 2 and vanishing.any()):
+            if iteration > 2 and vanishing.any():
                 return StationaryPoint(self._system.at, iteration, vanishing)
             self._give_up_if_far(iteration)
             self._barrier = max(self._barrier * _FALL, self._last)
@@ -122,7 +115,6 @@ class _Newton:
         """Arcs that are tiny and that the last step shortened as much as it may, (arcs,)."""
         shorter, at = np.abs(self._lengths), self._system.at
         self._lengths = at.lengths / at.duration
-        self._reversed_for = self._reversed_for + 1 if self._lengths.min() < -_REVERSED else 0
         length = np.abs(self._lengths)
         shrinks = (length < 0.7 * shorter) & (length > 0.9 * (1 - _SHRINK) * shorter)
         return np.asarray((length < _TINY) & shrinks)

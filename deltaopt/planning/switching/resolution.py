@@ -26,7 +26,7 @@ from deltaopt.planning.switching.conditions import EndValue, OptimalityCondition
 from deltaopt.planning.switching.kkt_system import KKTSystem
 from deltaopt.planning.switching.newton import NewtonFailed, StationaryPoint, solve_conditions
 from deltaopt.planning.switching.residuals import OptimalityResiduals
-from deltaopt.planning.switching.structure import Arc, SwitchingStructure, changed
+from deltaopt.planning.switching.structure import SwitchingStructure, changed
 
 _DEGREE = 8
 """Degree of the acceleration in an interval: a lower one asks for more intervals, a higher one for
@@ -95,9 +95,9 @@ class _Candidate:
         return replace(self, structure=replace(self.structure, lengths=lengths))
 
 
-_Outcome = tuple[Trajectory, int, ResolvedMotion | None, list[_Candidate]]
+_Outcome = tuple[Trajectory, int, ResolvedMotion | None, _Candidate | None]
 """What Newton's method made of a candidate: the motion, in how many iterations, the result if it is
-one, otherwise candidates for the next solve, best first."""
+one, otherwise the candidate for the next solve, if one is better."""
 
 
 @dataclass(frozen=True)
@@ -115,23 +115,21 @@ class SwitchResolution:
 
         Raises Unresolved if no such motion is found.
         """
-        waiting, seen, iterations = [(_Candidate.of(structure), guess)], [structure.limits], 0
+        candidate, seen, iterations = _Candidate.of(structure), {structure.limits}, 0
         for _ in range(_ATTEMPTS):
-            candidate, guess = waiting.pop()
             try:
                 motion, steps, resolved, better = self._outcome(candidate, guess)
             except NewtonFailed as error:
-                if not waiting:
-                    raise Unresolved(str(error), "Stuck", guess) from None
-                continue
+                raise Unresolved(str(error), "Stuck", guess) from None
             iterations += steps
             if resolved:
                 return replace(resolved, iterations=iterations)
-            new = _unseen(better, candidate, seen)
-            waiting += [(each, motion) for each in reversed(new)]
-            if not waiting:
+            changes = better and better.structure.limits != candidate.structure.limits
+            if not better or (changes and better.structure.limits in seen):
                 message = "no other structure is known to be better"
                 raise Unresolved(message, "Cycle", motion)
+            seen.add(better.structure.limits)
+            candidate, guess = better, motion
         raise Unresolved(f"no structure is right after {_ATTEMPTS}", "Too_Many", guess)
 
     def _outcome(self, candidate: _Candidate, guess: Trajectory) -> _Outcome:
@@ -151,11 +149,11 @@ class SwitchResolution:
         trajectory = Trajectory(conditions.polynomial(found.point, self.scaling), model)
         if candidate.structure.lengths.min() <= 0:
             reordered = _Candidate.of(changed(candidate.structure, []), candidate.more_modes)
-            return trajectory, found.iterations, None, [reordered]
+            return trajectory, found.iterations, None, reordered
         conditions = replace(conditions, structure=candidate.structure)
         residuals = OptimalityResiduals(conditions, found.point, self.tolerance / 2)
         resolved = self._resolved(residuals, trajectory, found.iterations)
-        better = [] if resolved else _better(candidate, residuals, self.tolerance)
+        better = None if resolved else _better(candidate, residuals, self.tolerance)
         return trajectory, found.iterations, resolved, better
 
     def _resolved(
@@ -182,26 +180,11 @@ class SwitchResolution:
         )
 
 
-def _unseen(
-    candidates: list[_Candidate], last: _Candidate, seen: list[tuple[Arc, ...]]
-) -> list[_Candidate]:
-    """Candidates that refine the last one's structure or have one that was not tried yet; the
-    latter are noted in ``seen``."""
-    new = []
-    for each in candidates:
-        if each.structure.limits != last.structure.limits:
-            if each.structure.limits in seen:
-                continue
-            seen.append(each.structure.limits)
-        new.append(each)
-    return new
-
-
 def _better(
     candidate: _Candidate, residuals: OptimalityResiduals, tolerance: float
-) -> list[_Candidate]:
-    """Candidates for the next solve, best first: a finer discretisation of the same structure, then
-    changed structures; the other way round where residuals are gross."""
+) -> _Candidate | None:
+    """The candidate for the next solve: a finer discretisation of the same structure, or else
+    another structure; the other way round where residuals are gross."""
     if residuals.sign_violation > _GROSS or residuals.excess > _FAR_BEYOND:
         better = _restructured(candidate, residuals) or _finer(candidate, residuals, tolerance)
     else:
@@ -211,36 +194,35 @@ def _better(
 
 def _finer(
     candidate: _Candidate, residuals: OptimalityResiduals, tolerance: float
-) -> list[_Candidate]:
+) -> _Candidate | None:
     """The candidate with more intervals, Legendre coefficients or end values, if it needs them."""
     finest, strays, mesh = residuals.finest, residuals.strays, candidate.mesh
     if strays.max() > finest and mesh.intervals < _MOST_INTERVALS:
         finer = np.ceil((strays / finest).clip(1) ** (1 / (_DEGREE + 1)))
-        return [replace(candidate, mesh=replace(mesh, parts=mesh.parts * finer.astype(np.intp)))]
+        return replace(candidate, mesh=replace(mesh, parts=mesh.parts * finer.astype(np.intp)))
     multiplier, wrong = residuals.singular_multiplier, residuals.sign_violation
     coarse = multiplier > _SINGULAR_MULTIPLIER or residuals.to_be_gained > tolerance
     coarse = coarse or CERTIFIED < wrong < 10 * multiplier
     if coarse and (more := _with_more_modes(candidate, residuals)):
         return more
     new = tuple(end for end in residuals.end_values() if end not in candidate.end_values)
-    return [replace(candidate, end_values=candidate.end_values + new)] if new else []
+    return replace(candidate, end_values=candidate.end_values + new) if new else None
 
 
-def _with_more_modes(candidate: _Candidate, residuals: OptimalityResiduals) -> list[_Candidate]:
+def _with_more_modes(candidate: _Candidate, residuals: OptimalityResiduals) -> _Candidate | None:
     """The candidate with more Legendre coefficients of singular controls, where there are such
     controls and more coefficients are worth their time."""
     mesh, more = candidate.mesh, candidate.more_modes + _MORE_MODES
     if not residuals.conditions.active.singular or mesh.most_modes >= _MOST_MODES:
-        return []
+        return None
     finer = replace(mesh, modes=mesh.modes + _MORE_MODES)
-    return [replace(candidate, mesh=finer, more_modes=more)]
+    return replace(candidate, mesh=finer, more_modes=more)
 
 
-def _restructured(candidate: _Candidate, residuals: OptimalityResiduals) -> list[_Candidate]:
-    """Candidates with other structures: with all changes at once, and with the first only."""
-    found = ActiveSetUpdate(residuals).changes
-    structures = [changed(candidate.structure, chain.from_iterable(found))]
-    if len(found) > 1:
-        structures.append(changed(candidate.structure, found[0]))
-    others = [each for each in structures if each.limits != candidate.structure.limits]
-    return [_Candidate.of(each, candidate.more_modes) for each in others]
+def _restructured(candidate: _Candidate, residuals: OptimalityResiduals) -> _Candidate | None:
+    """The candidate with all changes of the active set, if these give another structure."""
+    changes = chain.from_iterable(ActiveSetUpdate(residuals).changes)
+    structure = changed(candidate.structure, changes)
+    if structure.limits == candidate.structure.limits:
+        return None
+    return _Candidate.of(structure, candidate.more_modes)
