@@ -18,6 +18,7 @@ from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.switching.structure import (
     INACTIVE,
     SIMULTANEOUS,
+    WIDEST,
     ActiveLimits,
     MotorArc,
     Signs,
@@ -46,14 +47,12 @@ arcs are taken for contact points, and contact points that a mesh blurs more for
 class DetectionSettings:
     """Thresholds of detection.
 
-    ``widest``: number of intervals; a longer time between two limits of a control is an arc, a
-    shorter one a blurred switch. ``control``, ``velocity``: rows from which on a limit counts as
+    ``control``, ``velocity``: rows from which on a limit counts as
     active, everywhere in an interval; controls come to a limit in a jump, and coarse polynomials
     leave some of it unused, velocities come gradually. ``multiplier``: least multiplier of an
     active limit of a control, relative to the largest.
     """
 
-    widest: int = 3
     control: float = 0.9
     velocity: float = 0.99
     multiplier: float = 0.0
@@ -63,16 +62,12 @@ STANDARD = (DetectionSettings(), DetectionSettings(multiplier=3e-4))
 """For a coarse mesh, to be tried one after the other."""
 SHARP = (
     DetectionSettings(control=0.99, velocity=0.9999),
-    DetectionSettings(control=0.99, velocity=0.9999, widest=8),
     DetectionSettings(velocity=0.9999, multiplier=5e-5),
-    DetectionSettings(velocity=0.9999, multiplier=5e-5, widest=8),
 )
 """For a fine mesh, where active limits are met almost exactly."""
 BY_MULTIPLIERS = (
     DetectionSettings(control=0.5, velocity=0.9999, multiplier=1e-4),
     DetectionSettings(control=0.5, velocity=0.9999, multiplier=1e-5),
-    DetectionSettings(control=0.5, velocity=0.9999, multiplier=1e-4, widest=1),
-    DetectionSettings(control=0.5, velocity=0.9999, multiplier=1e-5, widest=8),
     DetectionSettings(control=0.5, velocity=0.9999, multiplier=1e-3),
     *SHARP,
 )
@@ -94,23 +89,22 @@ def detect_structure(
     """
     ends = np.concatenate([[0.0], np.cumsum(mesh)])
     ends[-1] = 1.0
-    control, states, contacts, weight = _active(ends, rows, settings, multipliers)
-    control = _determined(control, states, weight)
+    control, states, contacts = _active(ends, rows, settings, multipliers)
     m = control.shape[1]
     complete = np.abs(control).sum(axis=1) + np.abs(states).sum(axis=(1, 2)) == m
     mean, motors = rows.control.mean(axis=1), []
     for k in range(m):
-        arcs = _without_blur(ends, control[:, k], mean[:, k], complete, settings.widest)
+        arcs = _without_blur(ends, control[:, k], mean[:, k], complete)
         motors.append(_with_states(ends, arcs, states[:, k], contacts[k]))
     structure = assembled(motors, SIMULTANEOUS)
-    return without_short_arcs(structure, ends, mean, settings.widest)
+    return without_short_arcs(structure, ends, mean)
 
 
 def _active(
     ends: Array, rows: ByOrder, settings: DetectionSettings, multipliers: ByOrder | None
-) -> tuple[Signs, Signs, list[dict[float, ActiveLimits]], Array]:
-    """Signs of active controls, (N, m), and of active state limits by order, (N, m, 2); contact
-    points of each motor by their instants; and how much each control matters, (N, m)."""
+) -> tuple[Signs, Signs, list[dict[float, ActiveLimits]]]:
+    """Signs of active controls, (N, m), and of active state limits by order, (N, m, 2), and contact
+    points of each motor by their instants."""
     N, _, m = rows.control.shape
     control = _at_limit(rows.control, settings.control)
     states = np.zeros((N, m, 2), np.int8)
@@ -119,7 +113,7 @@ def _active(
             states[..., order] = _at_limit(of_state, at_limit)
     contacts: list[dict[float, ActiveLimits]] = [{} for _ in range(m)]
     if multipliers is None:
-        return control, states, contacts, np.abs(rows.control).min(axis=1)
+        return control, states, contacts
     weight = np.abs(multipliers.control)
     enough = multipliers.control * control > settings.multiplier * weight.max()
     for order, of_state in enumerate(multipliers.states):
@@ -128,7 +122,7 @@ def _active(
             states[:, k, order], found = _with_multipliers(ends, states[:, k, order], own)
             for t, sign in found:
                 contacts[k][t] = contacts[k].get(t, INACTIVE).with_contact(order, sign)
-    return np.where(enough, control, 0), states, contacts, weight
+    return np.where(enough, control, 0), states, contacts
 
 
 def _at_limit(row: Array, at_limit: float) -> Signs:
@@ -166,26 +160,13 @@ def _runs(signs: Signs) -> list[tuple[int, int, int]]:
     return [(i, j, int(signs[i])) for i, j in pairwise(edges)]
 
 
-def _determined(control: Signs, states: Signs, weight: Array) -> Signs:
-    """Active controls (N, m), at most as many as there are motors less the active state limits:
-    those of the lowest weights are given up."""
-    control, m = control.copy(), control.shape[1]
-    room = m - np.abs(states).sum(axis=(1, 2))
-    for i in np.flatnonzero(np.abs(control).sum(axis=1) > room).tolist():
-        first = sorted(np.flatnonzero(control[i]), key=lambda k: weight[i, k])
-        control[i, first[: len(first) - max(int(room[i]), 0)]] = 0
-    return control
-
-
-def _without_blur(
-    ends: Array, active: Signs, control: Array, complete: Truths, widest: int
-) -> list[MotorArc]:
+def _without_blur(ends: Array, active: Signs, control: Array, complete: Truths) -> list[MotorArc]:
     """Arcs of one motor's control without the short times between limits, unless enough other
     limits are active there (``complete``): the neighbouring arcs meet at an instant, or the control
     jumps to its other limit and back."""
     runs, kept = _runs(active), []
     for r, (i, j, sign) in enumerate(runs):
-        if sign or j - i > widest or complete[i:j].any() or len(runs) == 1:
+        if sign or j - i > WIDEST or complete[i:j].any() or len(runs) == 1:
             kept.append(MotorArc(float(ends[i]), float(ends[j]), ActiveLimits(sign)))
             continue
         before = runs[r - 1][2] if r else 0
