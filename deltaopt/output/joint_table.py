@@ -53,11 +53,15 @@ class JointTable:
     remarks: tuple[str, ...] = ()
 
     @classmethod
-    def at_own_knots(cls, trajectory: Trajectory) -> JointTable:
-        """Rows at the knots of a motion, with accelerations from inside each interval."""
-        inside = trajectory.inside_intervals([0.0, 1.0])
-        times = np.repeat(trajectory.knots, 2)[1:-1]  # to the last digit alike on both sides
-        return cls(times, inside.theta, inside.dtheta, inside.ddtheta)._once_where_smooth()
+    def at_own_knots(cls, trajectory: Trajectory, parts: int = 1) -> JointTable:
+        """Rows at the knots of a motion, and between them at so many equal parts of each interval,
+        with accelerations from inside each interval."""
+        fractions, knots = np.linspace(0.0, 1.0, parts + 1), trajectory.knots
+        inside = trajectory.inside_intervals(fractions)
+        times = knots[:-1, None] + np.diff(knots)[:, None] * fractions
+        times[:, -1] = knots[1:]  # to the last digit alike on both sides
+        found = cls(times.ravel(), inside.theta, inside.dtheta, inside.ddtheta)
+        return found._once_where_smooth()
 
     @classmethod
     def one_after_the_other(cls, tables: Sequence[JointTable]) -> JointTable:
@@ -137,11 +141,13 @@ QUINTIC = Interpolation("quintic", JointTable.quintic)
 class Rows:
     """Where a table has its rows: at every ``cycle``, s, or without one at the plan's knots.
 
-    ``begins``: accelerations of the motors, rad/s², with which the rows of another motion end. Its
-    last row is the first one of this motion too; None where this one has its own.
+    ``parts``: of each interval between knots, at whose ends there are rows too. ``begins``:
+    accelerations of the motors, rad/s², with which the rows of another motion end. Its last row is
+    the first one of this motion too; None where this one has its own.
     """
 
     cycle: float | None = None
+    parts: int = 1
     begins: tuple[float, ...] | None = None
 
     @property
@@ -152,7 +158,7 @@ class Rows:
     def table(self, trajectory: Trajectory) -> JointTable:
         """Of a motion that fits."""
         if self.cycle is None:
-            return JointTable.at_own_knots(trajectory)
+            return JointTable.at_own_knots(trajectory, self.parts)
         table = JointTable.at_cycle(trajectory, self.cycle)
         if self.begins is not None:
             table.ddtheta[0] = self.begins

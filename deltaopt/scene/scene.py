@@ -317,7 +317,7 @@ class Scene(Record):
         is_rated = follows and self.has_rates
         known = self.robot.has_links or not self.robot_keeps_clear
         rules = (
-            ("goal", "a start that moves: {at: …, velocity: …}", starts_moving or not stops),
+            ("goal", "a start that moves, for at rest it has stopped", starts_moving or not stops),
             ("path", "start and goal at rest beside it", at_rest),
             ("rotation", "start and goal at rest beside it", at_rest),
             ("via", "no path beside it", no_path),

@@ -64,6 +64,26 @@ def test_a_moving_end_is_not_met_more_slowly_without_a_word(tmp_path, capsys):
     assert file.read_text(encoding="utf-8").startswith("# an end moves, and slowed")
 
 
+@pytest.mark.parametrize("velocity", [(0.0, 2.0, -1.0), (0.0, 1.25, 0.0)])
+def test_a_goal_that_is_passed_is_met_by_more_rows(velocity, tmp_path):
+    """Rows at the knots alone ask for 1.00006 of the torque, and slowed the motion would pass the
+    goal too slowly. Read back and measured by verification, and the goal is met."""
+    industrial = PROBLEMS / "robots" / "industrial.yaml"
+    goal = deltaopt.State(at=(0.85, 0.1, 0.05), velocity=velocity)
+    robot, start = deltaopt.load_robot(industrial), (0.85, -0.1525, 0.0)
+    plan = deltaopt.plan(deltaopt.Scene(robot=robot, payload=1.0, start=start, goal=goal))
+    plan.save(tmp_path / "plan", chart=False)
+    file = tmp_path / "table.csv"
+    assert table_of(tmp_path / "plan", file) == 0
+    measured = ["--robot", str(industrial), "--payload", "1", "--controller-angles"]
+    assert main(["verify", str(file), *measured]) == 0
+    last = np.genfromtxt(file, delimiter=",", names=True)[-1]
+    assert last["t"] == pytest.approx(plan.duration, rel=1e-12)
+    end = plan.trajectory(plan.duration)
+    rates = [last[f"dtheta{k}"] for k in "123"]
+    np.testing.assert_allclose(rates, end.dtheta, rtol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("controller", "cycle"),
     [("cubic", "own-knots"), ("cubic", "1ms"), ("quintic", "own-knots"), ("quintic", "4ms")],
