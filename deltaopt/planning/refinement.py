@@ -27,6 +27,7 @@ from deltaopt.planning.mesh.error_estimate import (
     refined,
     shortest_intervals,
     split,
+    with_knots_at,
 )
 from deltaopt.planning.mesh.gap import record_of, with_gap
 from deltaopt.planning.mesh.kept_limits import tightest
@@ -277,6 +278,8 @@ class Refinement:
         tightened = longest_tightened(self.scaling.problem, last.trajectory, before)
         mesh = refined(before, lost, target, shortest, tightened)
         mesh = mesh if together * len(mesh) <= last.program.finest else before
+        contacts = last.contacts
+        mesh = with_knots_at(mesh, contacts) if len(contacts) else mesh
         return mesh if together == 1 else split(mesh, together)
 
     def _faces(self, last: MeshSolution) -> FacePhases | None:

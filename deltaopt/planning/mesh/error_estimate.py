@@ -64,6 +64,9 @@ at once, and accelerations are as much greater, intervals may be shorter."""
 _FOR_BODIES = 3.0
 """Pieces of an interval per loss at bodies in it, as shares of the loss that is aimed at: some
 three intervals touch a body at its edge. More make meshes finer, fewer take more of them."""
+_KEPT_WIDTH = 0.2
+"""Share of its width that an interval keeps at least when a knot is moved. Very unequal neighbours
+are badly conditioned."""
 
 
 @dataclass(frozen=True)
@@ -191,3 +194,17 @@ def refined(
         wanted = np.maximum(wanted, np.ceil(_FOR_BODIES * with_neighbours(lost.at_bodies) / target))
     pieces = np.clip(wanted, 1, np.clip(mesh / shortest, 1, _MOST_PIECES)).astype(int)
     return split(mesh, pieces)
+
+
+def with_knots_at(mesh: Array, instants: Array) -> Array:
+    """A mesh, (N,), whose knots nearest to these instants are moved there, both as fractions of the
+    duration: where a motion touches a body at an instant, a limit that is imposed there is not
+    exceeded beside it."""
+    knots = np.append(0.0, np.cumsum(mesh))
+    for instant in instants.tolist():
+        nearest = int(np.abs(knots[1:-1] - instant).argmin()) + 1
+        before, after = knots[nearest - 1], knots[nearest + 1]
+        room = min(instant - before, after - instant)
+        if room > _KEPT_WIDTH * min(knots[nearest] - before, after - knots[nearest]):
+            knots[nearest] = instant
+    return np.diff(knots)

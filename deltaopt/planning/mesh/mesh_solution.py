@@ -18,7 +18,7 @@ from deltaopt.motion.time_scaling import fractions_of, needed_slowing
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.bends import hidden_cost, missed_cost
 from deltaopt.planning.mesh.constraint_tightening import bulge, points_apart, samples_at
-from deltaopt.planning.mesh.edges import prices
+from deltaopt.planning.mesh.edges import prices, touching
 from deltaopt.planning.mesh.error_estimate import (
     FRACTIONS,
     SAFETY_FACTOR,
@@ -244,6 +244,24 @@ class MeshSolution:
             return False
         most = _BESIDE_BODIES * max(tolerance, self.own_gap)
         return float(self.beside[self.faces.rows].sum()) > most
+
+    @property
+    def contacts(self) -> Array:
+        """Instants at which the motion touches bodies, as fractions of the duration, (n,)."""
+        convex = self.scaling.constraints.convex
+        if not convex.any():
+            return np.zeros(0)
+        pays = touching(self.solution)[:, convex]
+        size = self.sizes[:, :, convex]
+        begin = np.cumsum(self.mesh) - self.mesh
+        times = (begin[:, None] + self.mesh[:, None] * FRACTIONS).ravel()
+        found = []
+        for row in range(pays.shape[1]):
+            edges = np.flatnonzero(np.diff(pays[:, row], prepend=False, append=False)).tolist()
+            for first, last in zip(edges[::2], edges[1::2], strict=True):
+                samples = slice(first * len(FRACTIONS), last * len(FRACTIONS))
+                found.append(times[samples][size[:, :, row].reshape(-1)[samples].argmax()])
+        return np.array(sorted(found))
 
     @cached_property
     def safe_factor(self) -> float:
