@@ -57,7 +57,7 @@ from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import OnPath
+from deltaopt.scene.task import OnPath, given_points
 
 _PATHS = 2
 """How many paths of straight lines are planned along where no mesh finds its way: over few places,
@@ -220,7 +220,10 @@ class Run(Loop):
         found = self.until_good(scene, proposals)
         if isinstance(found, Plan):
             return self.improved(scene, found)
-        return next(iter(self._legs.refused), found)
+        task, refused = scene.task, self._legs.refused.items()
+        given = {each.position for each in (task.start, *task.via, task.goal) if not each.within}
+        # Of places that the planner chose, as where a stop ends, others may do.
+        return next((why for leg, why in refused if given >= {*given_points(leg.task)}), found)
 
     @cached_property
     def _legs(self) -> Legs:

@@ -41,12 +41,12 @@ class Legs:
     """The plans of legs, each made once.
 
     ``planned``: plans a leg; raises that there is no plan. ``tell``: is called with why there is
-    none. ``refused``: why there is no way from rest to rest. ``known``: what came of legs.
+    none. ``refused``: why there is no way from rest to rest, of legs. ``known``: what came of legs.
     """
 
     planned: Callable[[Scene], Plan]
     tell: Progress
-    refused: list[Infeasible] = field(default_factory=list)
+    refused: dict[Scene, Infeasible] = field(default_factory=dict)
     known: dict[Scene, Plan | None] = field(default_factory=dict)
 
     def __call__(self, scene: Scene) -> Plan | None:
@@ -66,7 +66,7 @@ class Legs:
             return self.planned(scene)
         except Infeasible as error:
             ends = " and ".join(in_words(point) for point in given_points(scene.task))
-            self.refused.append(Infeasible(f"from rest to rest between {ends} m: {error}"))
+            self.refused[scene] = Infeasible(f"from rest to rest between {ends} m: {error}")
         except NO_PLAN as error:
             self.tell(str(error))
         return None
