@@ -148,9 +148,6 @@ INTERPOLATIONS = {each.name: each for each in (CUBIC, QUINTIC, CAM)}
 _UNASKED = 1e-3
 """Share by which a motion is slowed without being asked, so that it keeps its limits: as much as a
 plan may be longer than the optimum by default."""
-_MORE_ROWS = (1, 2, 4)
-"""Into how many parts intervals between knots are divided for rows where an end moves, so that the
-motion must not be slowed: with two all of 32 tables kept their limits, with one 25."""
 _LATE = (
     "an end moves, and slowed the motion meets it too late and too slowly: plan with tighter "
     "limits instead"
@@ -281,9 +278,7 @@ def _checked(plan: SavedPlan, file: Path, arguments: argparse.Namespace, rows: R
     Raises BeyondLimits."""
     trajectory, remarks = _verified(plan, file, arguments)
     given = plan.scene, trajectory, rows, INTERPOLATIONS[arguments.controller]
-    more = _MORE_ROWS if rows.cycle is None and not plan.scene.task.is_at_rest else (1,)
-    tried = (checked_table(*given[:2], replace(rows, parts=each), given[3]) for each in more)
-    found = next((each for each in tried if each.demand.kept), None) or checked_table(*given)
+    found = checked_table(*given)
     if not (found.demand.kept or arguments.anyway):
         kept = table_within_limits(*given)
         if not _may_slow(plan, arguments, kept.slowed / found.slowed - 1):
