@@ -73,9 +73,6 @@ _MOST_MESHES, _MOST_REPEATS, _MOST_FAILURES = 17, 4, 2
 """Largest numbers of meshes, of solves in a row on the same mesh with limits tightened further, and
 of solves in a row that do not converge. They bound the time of a plan that makes no progress."""
 
-_NEARLY_KEPT = 0.3
-"""Of a limit: where rates of torques peak and all else is within the tolerance, an excess that
-tightening takes away. A larger one it mostly does not, and other meshes take as long."""
 _MOST_EDGES = 3
 """From how many meshes phases past the edges that they touch are tried."""
 _HOPELESS_GAP, _MOST_CROSSINGS = 0.1, 2
@@ -190,19 +187,7 @@ class Refinement:
     @property
     def _done(self) -> bool:
         spent = len(self.meshes) >= _MOST_MESHES or self._failures > _MOST_FAILURES
-        return self._within_tolerance or self._is_nearly_kept or spent
-
-    @property
-    def _is_nearly_kept(self) -> bool:
-        """Whether peaks of rates of torques, with friction as it is, are all that is left: these
-        are tightened away as the last mesh is solved again."""
-        last, soft = self.meshes[-1], self.meshes[-1].scaling.softening
-        if not self.scaling.problem.rates_peak or soft is None or soft.least > 0:
-            return False
-        unused = last.gap - last.exceeding
-        exceeded = float((last.lost.exceeded * last.mesh).sum())
-        is_small = max(unused, exceeded) < _TARGET_SHARE * self.tolerance
-        return is_small and last.exceeding < _NEARLY_KEPT
+        return self._within_tolerance or spent
 
     @property
     def _within_tolerance(self) -> bool:
