@@ -25,7 +25,6 @@ from deltaopt.cli.arguments import one_or_more, positive, seed
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.mesh.gap import gap_of
 from deltaopt.planning.mesh.mesh_solution import MeshSolution
 from deltaopt.planning.nlp.problem import Guess
 from deltaopt.planning.nlp.scaling import Scaling
@@ -139,7 +138,7 @@ def truth_beside(scene: deltaopt.Scene, plan: Trajectory, tolerance: float) -> T
     best = min(range(len(meshes)), key=lambda i: meshes[i].safe_duration)
     solution = meshes[best].exact()
     duration = solution.trajectory.duration * solution.safe_factor
-    return Truth(duration, gap_of(meshes, best), False)
+    return Truth(duration, meshes[best].gap, False)
 
 
 def held_plans(each: Move, tolerances: Sequence[float]) -> list[Held]:

@@ -41,7 +41,6 @@ from deltaopt.planning.mesh.first_mesh import motion_on_first_mesh
 from deltaopt.planning.mesh.gap import (
     above_least,
     above_relaxed,
-    gap_of,
     record_of,
     with_cost_of_keeping,
     with_gap,
@@ -148,10 +147,9 @@ class TrajectoryOptimiser:
             partial(leads_past, scene),
         )
         resolved = refinement.from_guess(guess, mesh)
-        meshes, later = refinement.meshes, list[MeshSolution]()
+        meshes = refinement.meshes
         best = _best_of(meshes)
         if not problem.may_be_slowed:
-            later = meshes[best:] if is_fastest else []
             before = meshes[: best + 1]
             kept = kept_or_slowed(refinement.program, before[-1], self.tolerance)
             meshes, best = [*before, with_gap(kept, before)], best + 1
@@ -173,7 +171,7 @@ class TrajectoryOptimiser:
             trajectory = moving_on(problem, trajectory)
         elif is_fastest:
             trajectory = safe(scene, trajectory, chosen.safe_factor, chosen.status)
-        gap = resolved.gap if resolved else gap_of([*meshes, *later], best)
+        gap = resolved.gap if resolved else last.gap
         if is_fastest and problem.is_at_rest and not problem.may_be_slowed:
             # Where tightening its limits does not converge, the last mesh's motion is slowed.
             gap = max(gap, above_relaxed(last, meshes[best - 1]))

@@ -14,21 +14,6 @@ _JUDGEABLE = 0.1
 estimate can be corrected by what was really gained."""
 
 
-def gap_of(meshes: Sequence[MeshSolution], chosen: int) -> float:
-    """Optimality gap of the motion of the mesh ``chosen``, by the estimates of all meshes after it.
-
-    Each later mesh bounds the least duration from below by its safe duration over (1 + gap). The
-    last bound that is not above the chosen motion is used; a higher one belongs to a worse local
-    minimum.
-    """
-    own = meshes[chosen]
-    for last in reversed(meshes[chosen + 1 :]):
-        shortest = last.safe_duration / (1 + last.gap)
-        if shortest <= own.safe_duration:
-            return min(own.gap, own.safe_duration / shortest - 1)
-    return own.gap
-
-
 def with_gap(last: MeshSolution, before: Sequence[MeshSolution]) -> MeshSolution:
     """A mesh solution with its gap, by those on the meshes ``before`` it too.
 
