@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import Array, Index, Truths
-from deltaopt.limits.limit import SX, Bounds, ConvexLimit, Instant, Limit, PhasedLimit
+from deltaopt.limits.limit import SX, Bounds, ConvexLimit, Instant, Limit
 from deltaopt.limits.running_cost import Running
 from deltaopt.mechanisms.instant import AnyInstant
 
@@ -295,9 +295,6 @@ class Constraints:
 
     ridged = _of_limits(lambda limit: limit.has_ridges, np.bool)
     """Rows of positions whose size may be largest at a kink, (rows,)."""
-
-    in_phases = _of_limits(lambda limit: isinstance(limit, PhasedLimit), np.bool)
-    """Rows of positions that hold in some phases of a motion, (rows,)."""
 
     @cached_property
     def has_convex(self) -> bool:

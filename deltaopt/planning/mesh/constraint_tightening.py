@@ -29,18 +29,10 @@ it, a limit that is just kept would be released and exceeded again."""
 _NEAR_LIMIT = 0.99
 """Rows whose largest value in an interval exceeds this share of the bound are tightened: the next
 motion may bring them to their bound."""
-_SMALLEST_SHARE = 0.9
+_SMALLEST_SHARE = 0.2
 """Smallest share of a limit that tightening leaves, so that one interval cannot slow the motion
-much."""
-_SMALLEST_SHARE_OF_PLACES = 0.5
-"""Smallest share for bulges over bodies and out of a tube, which motions on coarse meshes cut off
-deeply."""
-_SMALLEST_SHARE_OF_RATES = 0.2
-"""Smallest share of a rate of torques or of jerk: beside a reversal with Coulomb friction the first
-changes by several times its limit within an interval, which is too short to cost time."""
-_SMALLEST_SHARE_OF_APPROACH = 0.2
-"""Smallest share of an approach: in a cylinder of micrometres a cubic is as far beyond it between
-points as these are from its axis, and hardly any time is to be gained there."""
+much. Beside a reversal with Coulomb friction a rate of torques changes by several times its limit
+within an interval, and motions on coarse meshes cut off bodies and cylinders of approach deeply."""
 _SHARPEST = 2e-5
 """Least distance in m that motions are planned at from bodies whose edges neither tool nor
 clearance rounds: edges then have this radius. Less is slower to solve; it costs this distance times
@@ -89,11 +81,7 @@ def tightened_where_exceeded(
     over = _OVERSHOOT_FACTOR * density[inside] * mesh[:, None]
     is_whole = mesh > 0.99 * before[inside]
     over = np.maximum(over, _KEPT_SHARE * (1 - shares[inside]) * is_whole[:, None])
-    smallest = np.where(constraints.slid_along, _SMALLEST_SHARE_OF_PLACES, _SMALLEST_SHARE)
-    smallest[constraints.in_phases] = _SMALLEST_SHARE_OF_APPROACH
-    if scaling.problem.rates_peak:
-        smallest[constraints.orders == 3] = _SMALLEST_SHARE_OF_RATES
-    share = np.maximum(1 - over, smallest)
+    share = np.maximum(1 - over, _SMALLEST_SHARE)
     untouched = np.logical_not(is_short[:, None] | anywhere)
     return replace(scaling, share=np.where(untouched, UNTIGHTENED, share))
 
@@ -120,7 +108,7 @@ def bulge_shares(
     part = (mesh / before[inside])[:, None]
     over, left = (with_neighbours(e)[inside] for e in (bulge(points, size, highest), left))
     tightening = _OVERSHOOT_FACTOR * (over * part**2 + left)
-    return np.maximum(1 - tightening, _SMALLEST_SHARE_OF_PLACES)
+    return np.maximum(1 - tightening, _SMALLEST_SHARE)
 
 
 def _places_in(before: Array, mesh: Array) -> Index:
@@ -144,7 +132,7 @@ def corner_shares(scaling: Scaling, motion: Trajectory, mesh: Array) -> Array:
         wanted = np.where(scaling.faces.rows, _FROM_FACES, wanted)
     room = _least_distances(scaling, motion, mesh) - limits.least_distances
     over = np.clip(wanted, 0.0, np.maximum(_SHARE_OF_ROOM * room, 0.0)) / limits.scales[convex]
-    return np.maximum(1 - over, _SMALLEST_SHARE_OF_PLACES)
+    return np.maximum(1 - over, _SMALLEST_SHARE)
 
 
 def _least_distances(scaling: Scaling, motion: Trajectory, mesh: Array) -> Array:
