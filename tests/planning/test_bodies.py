@@ -287,9 +287,16 @@ def test_neighbours_pass_a_sphere_alike():
     assert max(found) < 1.002 * min(found)
 
 
-def test_through_a_window_the_gap_is_known():
-    """It leaves 3 mm beside the tool. Through the corners of a path of lines it took 0.2107 s."""
-    found = planned(load_scene(Path(__file__).parents[1] / "data" / "bodies" / "window.yaml"))
+@pytest.mark.parametrize("shift", [(0.0, 0.0, 0.0), (-0.0013, -0.0003, 0.0033)])
+def test_through_a_window_the_gap_is_known(shift):
+    """It leaves 3 mm beside the tool. Through the corners of a path of lines it took 0.2107 s; of
+    the other one, without meshes twice as fine as that of a known motion, the gap was 0.6."""
+    scene = load_scene(Path(__file__).parents[1] / "data" / "bodies" / "window.yaml")
+    moved = [
+        box(np.add(ends["from"], shift).tolist(), np.add(ends["to"], shift).tolist())
+        for ends in (body.model_dump(by_alias=True)["box"] for body in scene.keep_out)
+    ]
+    found = planned(scene.model_copy(update={"keep_out": moved}))
     assert found.duration < 0.208
 
 
