@@ -79,7 +79,7 @@ CHANGES: dict[str, Change] = {
     "empty mapping": _always({}),
     "0": _always(0.0),
     "1": _always(1.0),
-    "1e-9": _always(1e-9),
+    "a gap of 1e-9": lambda _: lambda last, _before: replace(last, gap=1e-9),
     "zeros": _zeros,
     "first argument": _the(0),
     "second argument": _the(1),
