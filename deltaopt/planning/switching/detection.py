@@ -18,7 +18,6 @@ from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.switching.structure import (
     INACTIVE,
     SIMULTANEOUS,
-    WIDEST,
     ActiveLimits,
     MotorArc,
     Signs,
@@ -47,12 +46,14 @@ arcs are taken for contact points, and contact points that a mesh blurs more for
 class DetectionSettings:
     """Thresholds of detection.
 
-    ``control``, ``velocity``: rows from which on a limit counts as
+    ``widest``: number of intervals; a longer time between two limits of a control is an arc, a
+    shorter one a blurred switch. ``control``, ``velocity``: rows from which on a limit counts as
     active, everywhere in an interval; controls come to a limit in a jump, and coarse polynomials
     leave some of it unused, velocities come gradually. ``multiplier``: least multiplier of an
     active limit of a control, relative to the largest.
     """
 
+    widest: int = 3
     control: float = 0.9
     velocity: float = 0.99
     multiplier: float = 0.0
@@ -62,12 +63,16 @@ STANDARD = (DetectionSettings(), DetectionSettings(multiplier=3e-4))
 """For a coarse mesh, to be tried one after the other."""
 SHARP = (
     DetectionSettings(control=0.99, velocity=0.9999),
+    DetectionSettings(control=0.99, velocity=0.9999, widest=8),
     DetectionSettings(velocity=0.9999, multiplier=5e-5),
+    DetectionSettings(velocity=0.9999, multiplier=5e-5, widest=8),
 )
 """For a fine mesh, where active limits are met almost exactly."""
 BY_MULTIPLIERS = (
     DetectionSettings(control=0.5, velocity=0.9999, multiplier=1e-4),
     DetectionSettings(control=0.5, velocity=0.9999, multiplier=1e-5),
+    DetectionSettings(control=0.5, velocity=0.9999, multiplier=1e-4, widest=1),
+    DetectionSettings(control=0.5, velocity=0.9999, multiplier=1e-5, widest=8),
     DetectionSettings(control=0.5, velocity=0.9999, multiplier=1e-3),
     *SHARP,
 )
@@ -94,10 +99,10 @@ def detect_structure(
     complete = np.abs(control).sum(axis=1) + np.abs(states).sum(axis=(1, 2)) == m
     mean, motors = rows.control.mean(axis=1), []
     for k in range(m):
-        arcs = _without_blur(ends, control[:, k], mean[:, k], complete)
+        arcs = _without_blur(ends, control[:, k], mean[:, k], complete, settings.widest)
         motors.append(_with_states(ends, arcs, states[:, k], contacts[k]))
     structure = assembled(motors, SIMULTANEOUS)
-    return without_short_arcs(structure, ends, mean)
+    return without_short_arcs(structure, ends, mean, settings.widest)
 
 
 def _active(
@@ -160,13 +165,15 @@ def _runs(signs: Signs) -> list[tuple[int, int, int]]:
     return [(i, j, int(signs[i])) for i, j in pairwise(edges)]
 
 
-def _without_blur(ends: Array, active: Signs, control: Array, complete: Truths) -> list[MotorArc]:
+def _without_blur(
+    ends: Array, active: Signs, control: Array, complete: Truths, widest: int
+) -> list[MotorArc]:
     """Arcs of one motor's control without the short times between limits, unless enough other
     limits are active there (``complete``): the neighbouring arcs meet at an instant, or the control
     jumps to its other limit and back."""
     runs, kept = _runs(active), []
     for r, (i, j, sign) in enumerate(runs):
-        if sign or j - i > WIDEST or complete[i:j].any() or len(runs) == 1:
+        if sign or j - i > widest or complete[i:j].any() or len(runs) == 1:
             kept.append(MotorArc(float(ends[i]), float(ends[j]), ActiveLimits(sign)))
             continue
         before = runs[r - 1][2] if r else 0

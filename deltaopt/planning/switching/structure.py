@@ -31,9 +31,6 @@ SignsByOrder = tuple[int, int]
 VANISHED = 1e-5
 """Length, as a fraction of the duration, below which an arc is left out. A larger value loses arcs
 that are really there, a smaller one keeps arcs that make the system singular."""
-WIDEST = 3
-"""Number of intervals: a longer time between two limits of a control is an arc, a shorter one a
-blurred switch."""
 SIMULTANEOUS = 2e-4
 """Fraction of the duration: switches detected closer to each other become one. A larger value loses
 short arcs, a smaller one leaves arcs that are only noise of the mesh."""
@@ -256,15 +253,15 @@ def _determined(arc: Arc) -> Arc:
 
 
 def without_short_arcs(
-    structure: SwitchingStructure, ends: Array, control: Array
+    structure: SwitchingStructure, ends: Array, control: Array, widest: int
 ) -> SwitchingStructure:
-    """The structure without arcs of ``WIDEST`` intervals at most on which fewer limits are active
+    """The structure without arcs of ``widest`` intervals at most on which fewer limits are active
     than around, or more than there are motors.
 
     ``ends``: of the intervals, (N + 1,), fractions of the duration. ``control``: mean control rows
     in the intervals, (N, m).
     """
-    kept = _kept(structure, ends)
+    kept = _kept(structure, ends, widest)
     beginnings, limits = [0.0], [structure.limits[kept[0]]]
     for a, c in pairwise(kept):
         now = list(structure.limits[a])
@@ -278,7 +275,7 @@ def without_short_arcs(
     return determined(SwitchingStructure(np.diff([*beginnings, 1.0]), tuple(limits)))
 
 
-def _kept(structure: SwitchingStructure, ends: Array) -> list[int]:
+def _kept(structure: SwitchingStructure, ends: Array, widest: int) -> list[int]:
     """The arcs that stay, the others taken out the shortest first."""
     m, to = len(structure.limits[0]), np.cumsum(structure.lengths)
     begin, active = to - structure.lengths, [number_active(arc) for arc in structure.limits]
@@ -290,7 +287,7 @@ def _kept(structure: SwitchingStructure, ends: Array) -> list[int]:
             around = [active[side[0]] for side in (before, after) if side]
             fewer = bool(around) and active[run[0]] < min(around)
             inside = (ends > begin[run[0]] + _SAME) & (ends < to[run[-1]] - _SAME)
-            if (fewer or active[run[0]] > m) and inside.sum() < WIDEST:
+            if (fewer or active[run[0]] > m) and inside.sum() < widest:
                 short.append((to[run[-1]] - begin[run[0]], run))
         if not short or len(alike) == 1:
             return kept
