@@ -22,8 +22,8 @@ from deltaopt.planning.switching.conditions import state_rows
 from deltaopt.planning.switching.residuals import OptimalityResiduals, StateMultiplier
 from deltaopt.planning.switching.structure import Arc, MotorArc
 
-Change = tuple[tuple[int, MotorArc], ...]
-"""What should be active for a time, as (motor, arc of that motor) of every motor."""
+Change = tuple[int, MotorArc]
+"""A motor, and what should be active of it for a time."""
 
 _WRONG_SIGN = 1e-5
 """Multiplier of the wrong sign, relative to the largest, that asks for a change: a smaller one
@@ -48,20 +48,17 @@ class ActiveSetUpdate:
 
     @property
     def changes(self) -> list[Change]:
-        """One change for each run of samples that should be alike, the worst violation first."""
+        """What should be active of every motor in each run of samples that should be alike."""
         before, after = self._active, self._wanted
-        violation = np.maximum(self._violations, 0.0).sum(axis=(2, 3))
-        bad = np.ravel(self._lengths[:, None] * violation)
-        found, begin = [], 0
+        found, begin = list[Change](), 0
         for end in range(1, len(after) + 1):
             if end < len(after) and after[end] == after[begin]:
                 continue
             if after[begin:end] != before[begin:end]:
                 times = self._between(begin, end)
-                change = tuple((k, MotorArc(*times, each)) for k, each in enumerate(after[begin]))
-                found.append((float(bad[begin:end].sum()), change))
+                found += [(k, MotorArc(*times, each)) for k, each in enumerate(after[begin])]
             begin = end
-        return [change for _, change in sorted(found, key=lambda each: -each[0])]
+        return found
 
     @property
     def _lengths(self) -> Array:

@@ -9,7 +9,6 @@ up after so many attempts.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import chain
 from typing import ClassVar
 
 import numpy as np
@@ -124,8 +123,8 @@ class SwitchResolution:
             iterations += steps
             if resolved:
                 return replace(resolved, iterations=iterations)
-            changes = better and better.structure.limits != candidate.structure.limits
-            if not better or (changes and better.structure.limits in seen):
+            others = seen - {candidate.structure.limits}
+            if better is None or better.structure.limits in others:
                 message = "no other structure is known to be better"
                 raise Unresolved(message, "Cycle", motion)
             seen.add(better.structure.limits)
@@ -221,8 +220,7 @@ def _with_more_modes(candidate: _Candidate, residuals: OptimalityResiduals) -> _
 
 def _restructured(candidate: _Candidate, residuals: OptimalityResiduals) -> _Candidate | None:
     """The candidate with all changes of the active set, if these give another structure."""
-    changes = chain.from_iterable(ActiveSetUpdate(residuals).changes)
-    structure = changed(candidate.structure, changes)
+    structure = changed(candidate.structure, ActiveSetUpdate(residuals).changes)
     if structure.limits == candidate.structure.limits:
         return None
     return _Candidate.of(structure, candidate.more_modes)
