@@ -93,7 +93,7 @@ class PlacesOnBelt:
         for time in meetings.looked_at(_PLACES):
             if time >= most or self.early:
                 return None
-            reached = self._plan_to(time)
+            reached = self._sooner_known(time)
             plan = self._in_time(reached, time)
             if plan is not None:
                 break
@@ -157,14 +157,19 @@ class PlacesOnBelt:
             return None
         return plan
 
+    def _sooner_known(self, time: float) -> Plan | None:
+        """As of ``_plan_to``; as if there were no bodies, which is sooner known, where even that is
+        too late."""
+        free = without_bodies(self._scene_at(time))
+        alone = if_possible(RULED_OUT, self.planned, free) if self.scene.keep_out else None
+        if isinstance(alone, Plan) and alone.duration > (1 + alone.gap) * time:
+            return alone
+        return self._plan_to(time)
+
     def _plan_to(self, time: float) -> Plan | None:
-        """The plan to where the belt is at a time, s, whenever it gets there: as if there were no
-        bodies, which is sooner known, where even that is too late."""
-        there, plan = self._scene_at(time), None
-        for scene in dict.fromkeys([without_bodies(there), there]):
-            plan = if_possible(RULED_OUT, self.planned, scene)  # such as beyond a singularity
-            if not isinstance(plan, Plan) or plan.duration > (1 + plan.gap) * time:
-                break
+        """The plan to where the belt is at a time, s, whenever it gets there."""
+        there = self._scene_at(time)
+        plan = if_possible(RULED_OUT, self.planned, there)  # such as beyond a singularity
         return plan if isinstance(plan, Plan) else None
 
     def _scene_at(self, time: float) -> Scene:

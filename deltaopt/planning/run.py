@@ -114,7 +114,7 @@ class Run(Loop):
 
     def _links_clear(self, scene: Scene, planned: Callable[[Scene], Plan]) -> Plan:
         """The plan of a scene by its limits, with arms and forearms clear of bodies if asked."""
-        if not (scene.robot_keeps_clear and scene.keep_out):
+        if not scene.keeps_links_clear:
             return planned(scene)
         return replace(keeping_links_clear(self, scene, planned), scene=scene)
 

@@ -55,7 +55,7 @@ def check_feasible(scene: Scene) -> None:
     is known before it is met. Raises Unreachable, Singular or Infeasible, each with a sentence that
     says why not.
     """
-    if scene.robot_keeps_clear and scene.keep_out:
+    if scene.keeps_links_clear:
         ends = zip(("start", "goal"), scene.given_points, strict=False)  # a goal that moves is none
         via = enumerate(scene.task.via, 1)
         exact = ((f"via {number}", each.position) for number, each in via if not each.within)
@@ -97,7 +97,7 @@ def require_ride(scene: Scene, name: str, places: Array, velocity: Vector3) -> N
     doubtful = ~are_surely_feasible(scene, places, np.broadcast_to(velocity, places.shape))
     for place in places[doubtful]:
         require_state(scene, name, Boundary(vector3(place), velocity), is_given=False)
-    if scene.robot_keeps_clear and scene.keep_out:
+    if scene.keeps_links_clear:
         least = rooms_at(scene, places).min(axis=(1, 2))
         require_links_clear(scene, name, vector3(places[least.argmin()]))
 

@@ -119,6 +119,11 @@ class Scene(Record):
         """What the tool's point must stay out of: keep-out bodies grown by the tool."""
         return tuple(convex for _, convex in self.obstacles)
 
+    @property
+    def keeps_links_clear(self) -> bool:
+        """Whether arms and forearms are to keep clear of bodies, and there are some."""
+        return bool(self.robot_keeps_clear and self.keep_out)
+
     @cached_property
     def kept_links(self) -> tuple[KeptLink, ...]:
         """Which arms and forearms are planned to keep clear of which bodies: ``planned_links``, of

@@ -222,7 +222,7 @@ def promises(scene: Scene) -> tuple[str, ...]:
     links = any(limit.own_measure is OwnMeasure.LINKS for limit in limits)
     asked = {
         "duration_error": scene.objective.given_duration is not None,
-        "robot_overlap": links or bool(scene.robot_keeps_clear and scene.keep_out),
+        "robot_overlap": links or scene.keeps_links_clear,
         "rotation_left": scene.rotation is not None,
         "path_distance": scene.follows_path,
         "via_distance": scene.via is not None,

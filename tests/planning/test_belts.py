@@ -143,6 +143,16 @@ def test_a_belt_is_not_met_where_a_forearm_is_in_a_body():
     assert meetings.possible.any()
 
 
+def test_a_link_that_is_in_the_way_all_along_a_belt_is_named():
+    """It was told as a limit of the clearance of links, after a plan past the body."""
+    robot = load_robot("problems/robots/industrial_links.yaml")
+    beside_the_arm = {"box": {"from": (0.115, 0.369, -0.063), "to": (0.36, 0.556, 0.143)}}
+    start, far = (0.85, -0.2, 0.0), towards((0.86, 0.2, -0.3), (0.0, 0.0, 0.4))
+    changed = {"robot": robot, "start": start, "keep_out": [beside_the_arm]}
+    scene = far.model_copy(update={**changed, "robot_keeps_clear": True})
+    assert "arm 1 is 42.53 mm too near to keep_out[0], a box" in refusal(scene)
+
+
 @pytest.fixture(scope="module")
 def coming():
     scene = towards((0.85, 0.05, 1.5), (0, 0, -1.0))

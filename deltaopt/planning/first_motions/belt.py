@@ -12,7 +12,7 @@ from deltaopt.motion.loads import sizes_at
 from deltaopt.motion.lower_bound import soonest
 from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.scene.feasibility import exceeded
+from deltaopt.scene.feasibility import exceeded, require_links_clear
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.links import rooms_at
 from deltaopt.scene.scene import Scene
@@ -57,7 +57,7 @@ class Meetings:
         constraints = limits_of(self.scene).constraints
         counted = constraints.promised & (constraints.orders < 2)
         sizes = sizes * counted  # out of reach is out of reach
-        if self.scene.robot_keeps_clear and self.scene.keep_out:
+        if self.scene.keeps_links_clear:
             places = line[0, 0] + since[:, None] * line[0, 1]
             room = rooms_at(self.scene, places).min(axis=(1, 2))
             sizes = np.column_stack([sizes, 1 - room / self.near])
@@ -170,6 +170,11 @@ class Meetings:
             return "do the chains reach it"
         best = int(np.nanargmin(most))
         place = self.goal.at(float(self.times[best]), self.goal.position)
+        if self.scene.keeps_links_clear:
+            try:
+                require_links_clear(self.scene, "nearest to that", place.position)
+            except Infeasible as error:
+                return f"are position, speed and links within the limits; {error}"
         for phrase in exceeded(self.scene, place):
             return (
                 "are position and speed within the limits; nearest to them at "

@@ -1,7 +1,7 @@
-"""Motions past bodies with points between, or with an end that moves: leg by leg.
+"""Motions with points between, or with an end that moves, past bodies and without: leg by leg.
 
-Each leg is planned past the bodies from rest to rest, with all ways that this knows, and the legs
-are joined; a start that moves comes to rest first, and a goal that is passed at a velocity has a
+Each leg is planned from rest to rest, past bodies with all ways that this knows, and the legs are
+joined; a start that moves comes to rest first, and a goal that is passed at a velocity has a
 run-up. Such a motion is far from the best but on its side of every body: a first motion, and the
 plan where none leads to another: `Loop.at_worst`.
 """
@@ -64,11 +64,12 @@ class Legs:
             return None
         try:
             return self.planned(scene)
-        except Infeasible as error:
-            ends = " and ".join(in_words(point) for point in given_points(scene.task))
-            self.refused[scene] = Infeasible(f"from rest to rest between {ends} m: {error}")
         except NO_PLAN as error:
-            self.tell(str(error))
+            if isinstance(error, Infeasible) and scene.task.is_at_rest:
+                ends = " and ".join(in_words(point) for point in given_points(scene.task))
+                self.refused[scene] = Infeasible(f"from rest to rest between {ends} m: {error}")
+            else:
+                self.tell(str(error))
         return None
 
 
