@@ -38,6 +38,9 @@ _COEFFICIENTS, _OF_PART = 15, 17
 shares between which the nearest place may be."""
 _BEYOND = 1e3
 """Added to the squared distance, m², of parts beside which a point does not lie."""
+_OVERLAP = 1e-9
+"""Share of a part by which it reaches past its ends there, so that rounding leaves no point beside
+neither of two parts."""
 _LEAST_BEND = 0.25
 """Of ‖p′‖²: least curvature of the squared distance in a step of Newton's method, for places beyond
 the path's centre of curvature."""
@@ -153,8 +156,9 @@ def _roughly(x: SX, part: SX) -> SX:
     """The squared distance from about the nearest place of a part, m², for comparison, and much
     more where the point does not lie beside the part."""
     begin, end = part[:3], _at(part, SX(1))
-    before = (ca.dot(x - begin, part[3:6]) < 0) * (part[15] < 0)
-    behind = (ca.dot(x - end, _rate(part, SX(1))) > 0) * (part[16] > 1)
+    first, last = part[3:6], _rate(part, SX(1))
+    before = (ca.dot(x - begin, first) < -_OVERLAP * ca.sumsqr(first)) * (part[15] < 0)
+    behind = (ca.dot(x - end, last) > _OVERLAP * ca.sumsqr(last)) * (part[16] > 1)
     share = _clipped(ca.dot(x - begin, end - begin) / ca.sumsqr(end - begin), SX(0), SX(1))
     return ca.sumsqr(x - _at(part, share)) + _BEYOND * (before + behind)
 

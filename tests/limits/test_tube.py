@@ -85,6 +85,20 @@ def test_distances_and_their_derivatives(scene: Scene):
         np.testing.assert_allclose(np.array(slope).ravel(), differences, atol=1e-5)
 
 
+def test_distances_where_parts_of_a_path_meet():
+    """There a point was by rounding beside neither of two parts, and had its distance from a third:
+    a motion along the axis itself was told to leave its tube."""
+    scene = move(3, 1116).scene
+    (numbers,) = Tube().items(scene)
+    x = ca.SX.sym("x", 3)
+    measure = ca.Function("measure", [x], [Tube().measure(SimpleNamespace(x=x), ca.DM(numbers))])
+    path, rng = scene.path.between(*scene.given_points), np.random.default_rng(8)
+    parts = np.linspace(path.knots[:-1], path.knots[1:], 9)[1:].ravel()[:-1]
+    points = (path(parts) + 1e-17 * rng.normal(size=(200, len(parts), 3))).reshape(-1, 3)
+    assert np.array(measure(points.T)).max() < 1e-11
+    assert deltaopt.plan(scene).duration < 0.12
+
+
 def test_a_wide_tube_is_none():
     found = planned(about(STRAIGHT, 0.2))
     assert found.duration <= free().duration * (1 + found.gap)
