@@ -84,8 +84,10 @@ def _looked_for(scene: Scene) -> Possibility:
         return _approach(scene, free)
     between = (point.position for point in scene.task.via)
     places = [np.array(point) for point in (start, *between, goal)]
-    angles = free.statics[0].at(np.array(places)).angles
-    if scene.robot_keeps_clear and not free.arms_turn_to(angles).all():
+    at_rest = free.statics[0].at(np.array(places))
+    if not (free.side * at_rest.volumes > 0).all():
+        return Possibility(False, "a point on the other side of a parallel singularity")
+    if scene.robot_keeps_clear and not free.arms_turn_to(at_rest.angles).all():
         return Possibility(False, "an arm that would have to turn through a body")
 
     def connected(steps: int) -> bool:

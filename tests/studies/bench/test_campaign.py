@@ -57,6 +57,11 @@ def test_a_move_is_not_possible_where_a_body_encloses_its_goal(monkeypatch, body
     assert not possibility(scene.model_copy(update={"keep_out": [{body: bodies[body]}]})).found
 
 
+def test_a_move_is_not_possible_through_a_point_beyond_a_parallel_singularity():
+    """A grid led around the singularity, and from its last point straight through."""
+    assert "other side of a parallel singularity" in possibility(move(80, 3155).scene).against
+
+
 def test_arms_and_forearms_are_joined():
     """At angles by one derivation and places by another."""
     scene = move(1, 0).scene
