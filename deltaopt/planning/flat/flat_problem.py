@@ -191,6 +191,32 @@ class FlatProblem:
         Raises NotConverged: another mesh or another first motion mostly leads to a plan then, and
         sooner than another solver on this one would.
         """
+        problem, cost, begins = scaling.problem, self.cost, self._settings(guess, scaling)
+        accuracy = begins[0].row_tolerance
+        start, goal = boundary(problem.start, scaling), boundary(problem.goal, scaling)
+        between = [boundary(gate, scaling, accuracy) for gate in scaling.gates]
+        for settings in begins:
+            phases = self._phases(guess, scaling)
+            found = self.method.solve(
+                phases,
+                [start, *between, goal],
+                settings,
+                (cost.time, cost.running),
+                sum_is_given=cost.duration_is_given and len(phases) > 1,
+            )
+            if found.solved:
+                return self._solved(found, scaling, accuracy)
+            if found.iterations >= _CREEPING:
+                break
+            guess = replace(guess, multipliers=None)
+        raise NotConverged(
+            f"the interior-point method does not converge on {len(self.mesh)} intervals",
+            "No_Progress",
+            guess.trajectory,
+        )
+
+    def _settings(self, guess: Guess, scaling: Scaling) -> list[Settings]:
+        """With what to begin from a guess: where the first leads to no solution with the next."""
         begins: tuple[Settings, ...] = _FROM_NEAR if guess.near else _FROM_FAR
         if guess.is_trial and not scaling.problem.is_at_rest:
             begins = _FOR_TRIAL
@@ -202,31 +228,10 @@ class FlatProblem:
             begins = ALMOST, *begins
         elif guess.on_its_mesh:
             begins = CLOSE, *begins
-        ends, cost = (scaling.problem.start, scaling.problem.goal), self.cost
-        exact = guess.tolerance <= _EXACT and not cost.running and scaling.faces is None
+        exact = guess.tolerance <= _EXACT and not self.cost.running and scaling.faces is None
         smooth = _SMOOTH * guess.tolerance if exact else 0.0
-        for begin in begins:
-            settings = replace(begin, tolerance=guess.tolerance, rows=guess.rows, smooth=smooth)
-            given = guess if begin is ALMOST else replace(guess, multipliers=None)
-            phases = self._phases(given, scaling)
-            start, goal = (boundary(end, scaling) for end in ends)
-            between = (boundary(gate, scaling, settings.row_tolerance) for gate in scaling.gates)
-            found = self.method.solve(
-                phases,
-                [start, *between, goal],
-                settings,
-                (cost.time, cost.running),
-                sum_is_given=cost.duration_is_given and len(phases) > 1,
-            )
-            if found.solved:
-                return self._solved(found, scaling, settings.row_tolerance)
-            if found.iterations >= _CREEPING:
-                break
-        raise NotConverged(
-            f"the interior-point method does not converge on {len(self.mesh)} intervals",
-            "No_Progress",
-            guess.trajectory,
-        )
+        asked = partial(replace, tolerance=guess.tolerance, rows=guess.rows, smooth=smooth)
+        return [asked(each) for each in begins]
 
     def _phases(self, guess: Guess, scaling: Scaling) -> list[Phase]:
         """A guess for the interior-point method, in a phase from each gate to the next.
