@@ -7,6 +7,7 @@ alone. What does not depend on the robot stands in ``c_templates``.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from string import Template
@@ -20,6 +21,7 @@ from deltaopt.dynamics.mechanism import SX
 from deltaopt.dynamics.virtual_work import VirtualWork
 from deltaopt.files.output_folder import write_texts
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.problem.boundary import REST
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot, as_delta
@@ -164,8 +166,9 @@ def program(robot: Robot, plan: Trajectory | None = None) -> str:
 
 
 def _played(plan: Trajectory) -> str:
-    """Instants of a plan, its knots and some before and after it among them."""
+    """Instants of a plan, its knots and some before and after it among them, where it rests."""
     begin, end = plan.knots[[0, -1]].tolist()
+    plan = replace(plan, end_velocities=(REST, REST))
     inside = np.random.default_rng(6).uniform(begin, end, 100)
     t = np.concatenate([plan.knots, inside, [begin - 0.1, end + 0.1]])
     motion, joints = plan(t), plan.model.robot.joints or Joints()

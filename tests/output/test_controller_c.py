@@ -84,9 +84,10 @@ def test_c_is_python(tmp_path):
 
 
 @gcc
-def test_a_plan_is_played(tmp_path):
-    """At its knots, between them, before and after it."""
-    plan = deltaopt.plan(deltaopt.load_scene(PROBLEMS / "hornet" / "1_kg.yaml"))
+@pytest.mark.parametrize("scene", ["hornet/1_kg.yaml", "moving/belt.yaml"])
+def test_a_plan_is_played(tmp_path, scene):
+    """At its knots, between them, before and after it, where one that goes on on a belt rests."""
+    plan = deltaopt.plan(deltaopt.load_scene(PROBLEMS / scene))
     plan.save(tmp_path / "plan", chart=False)
     assert main(["export", "c", str(tmp_path / "plan"), "-o", str(tmp_path / "c")]) == 0
     assert largest_error(tmp_path / "c", *SANITIZED) < 1e-12
