@@ -39,6 +39,10 @@ _MOST_TIGHTER = 0.5
 """Of a limit: more leaves nothing to hold the robot with."""
 _MOST_MOTIONS, _MOST_TIGHTENED, _MOST_FAILURES = 40, 8, 2
 _MOST_CELLS = 20_000
+_SLOWEST = 0.05
+"""Share of the usual squared speed at which tangents are taken at least, once a motion has come to
+a standstill: where one creeps Coulomb friction changes fast with the speed, and by its tangent
+there would take all of the torque at higher speeds, so that the next motion creeps as well."""
 _CHANGE = 0.1
 """Share of the tolerance by which the duration may still change when tangents are taken anew."""
 
@@ -55,6 +59,7 @@ class PathTiming:
     tolerance: float
     report: Callable[[str], None]
     meshes: int = field(default=0, init=False)
+    _slowest: float = field(default=0.0, init=False)
 
     def fastest(self, share: float, margin: float | None = None) -> tuple[OnMesh, float]:
         """The fastest motion, on a mesh whose loss is a ``share`` of the tolerance before limits
@@ -65,9 +70,17 @@ class PathTiming:
 
         Raises Infeasible where there is none.
         """
-        found = self._refined(share * self.tolerance)
-        if found.motion.stops.any():
-            raise Infeasible("the path: no speed but standstill keeps the limits somewhere on it")
+        try:
+            found = self._refined(share * self.tolerance)
+            if found.motion.stops.any():
+                raise Infeasible(
+                    "the path: no speed but standstill keeps the limits somewhere on it"
+                )
+        except Infeasible:
+            if self.rows.are_affine or self._slowest:
+                raise
+            self._slowest = _SLOWEST
+            return self.fastest(share, margin)
         return self._tightened(found, margin)
 
     def _refined(self, enough: float) -> OnMesh:
@@ -165,7 +178,8 @@ class PathTiming:
         if self.rows.are_affine:
             usual = self._usual_speed(mesh)
             return Tangency(usual, usual)
-        last = motion.states_at_ends(mesh)
+        b, u = motion.states_at_ends(mesh)
+        last = np.maximum(b, self._slowest * self._usual_speed(mesh)[0]), u
         if not len(self.rows.curved):
             return Tangency(last, last)
         b, u = before.states_at_ends(mesh)
