@@ -32,7 +32,7 @@ _ON_SPHERE = 0.99
 """Share of the radius of a via point's sphere at which the platform is looked at: where it can be
 at the sphere alone, rounding would decide."""
 _CUBE = np.array([each for each in product((-1.0, 0.0, 1.0), repeat=3) if any(each)])
-DIRECTIONS = np.vstack([np.zeros(3), _CUBE / np.linalg.norm(_CUBE, axis=1, keepdims=True)])
+_DIRECTIONS = np.vstack([np.zeros(3), _CUBE / np.linalg.norm(_CUBE, axis=1, keepdims=True)])
 """To places of a sphere that are looked at: its centre, and 26 of a cube's, (27, 3)."""
 _STEPS, _SHORTER = 12, 0.6
 """How many steps the place with the most room is looked for in, each so much shorter."""
@@ -106,7 +106,7 @@ def _require_sphere(scene: Scene, number: int, sphere: Boundary) -> None:
     """Raise Infeasible if the platform can be neither at the centre of a sphere nor at places
     around it."""
     centre, most = np.array(sphere.position), _ON_SPHERE * sphere.within
-    places = np.vstack([centre + most * DIRECTIONS, roomiest(scene, centre, most)])
+    places = np.vstack([centre + most * _DIRECTIONS, roomiest(scene, centre, most)])
     first = None
     for x, y, z in places.tolist():
         try:
@@ -123,7 +123,7 @@ def roomiest(scene: Scene, centre: Array, radius: float) -> Array:
     the centre in smaller and smaller steps."""
     best, step = centre, radius
     for _ in range(_STEPS):
-        away = best + step * DIRECTIONS - centre
+        away = best + step * _DIRECTIONS - centre
         beyond = np.maximum(np.linalg.norm(away, axis=1, keepdims=True) / radius, 1.0)
         places = centre + away / beyond
         best, step = places[room_at_rest(scene, places).argmax()], _SHORTER * step

@@ -10,6 +10,7 @@ from deltaopt import SceneError, State, load_scene, plan, verify
 from tests.good_plans import good_plan
 
 SCENE = load_scene("problems/approach/25_305_25.yaml")
+INDUSTRIAL = deltaopt.load_robot("problems/robots/industrial.yaml")
 FREE = SCENE.model_copy(update={"approach": None})
 
 
@@ -191,3 +192,14 @@ def test_a_cylinder_of_a_micrometre():
     own, wide = good_plan(scene), plan(approaching(0.025, 1e-4))
     assert outside(scene, own.trajectory) <= 1e-9
     assert wide.duration < own.duration < 1.02 * wide.duration
+
+
+@pytest.mark.parametrize(
+    ("goal", "height", "radius"),
+    [((0.62, 0.2, -0.21), 0.126, 0.118), ((0.48, -0.52, 0.13), 0.115, 0.057)],
+)
+def test_a_top_that_is_within_reach_near_its_rim_alone(goal, height, radius):
+    """Its middle is not, and these were refused as impossible."""
+    ends = {"start": (0.85, -0.1, 0.0), "goal": goal, "robot": INDUSTRIAL, "payload": 1.0}
+    at_goal = {"height": height, "radius": radius}
+    good_plan(approaching(0.03, 0.02, at_goal=at_goal, **ends))

@@ -34,7 +34,7 @@ from deltaopt.planning.first_motions.moving_ends import (
 from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
-from deltaopt.scene.feasibility import DIRECTIONS, room_at_rest, roomiest
+from deltaopt.scene.feasibility import room_at_rest, roomiest
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_goal
 
@@ -47,9 +47,13 @@ moves. A short leg beside an end that is fast takes less than its share of the l
 _ONWARDS = 0.1
 """Share of the way to the next point that it makes at least from one place to the next, where
 spheres overlap, and that it leaves."""
-_ACROSS = np.array([each for each in DIRECTIONS if not each[0]])
-"""To places of the end of an upright cylinder that are looked at for room: its centre, and 8 of a
-square's."""
+_AROUND = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
+_ACROSS = np.array(
+    [(0.0, 0.0, 0.0)]
+    + [(0.0, r * np.cos(a), r * np.sin(a)) for r in (0.3, 0.6, 0.9, 0.97) for a in _AROUND]
+)
+"""To places of the end of an upright cylinder that are looked at for room: its centre, and rings
+about it, shares of its radius; near its rim alone it may be within reach."""
 
 
 def through_gates(scene: Scene) -> Iterator[Proposal]:
@@ -104,7 +108,7 @@ def places_of_gates(scene: Scene) -> Iterator[Array]:
         inside = zip(middles, radii, strict=False)
         places = [roomiest(free, middle, radius) if radius else middle for middle, radius in inside]
         for middle, column in zip(middles[len(via) :], columns, strict=True):
-            across = middle + _WELL_INSIDE * column.radius * _ACROSS
+            across = middle + column.radius * _ACROSS
             places.append(across[room_at_rest(free, across).argmax()])
         yield np.array(places)
 
