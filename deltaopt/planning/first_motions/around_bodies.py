@@ -149,11 +149,10 @@ def ways_beside(scene: Scene, free: Trajectory) -> list[Proposal]:
         found += islice((each for each in motions if is_clear(scene, each[1])), 1)
     ways = dict[str, Proposal]()
     for _, motion in sorted(found, key=itemgetter(0)):
-        fractions = fractions_of(motion)
-        if if_possible(RULED_OUT, loads_inside, problem_of(scene), motion, fractions) is None:
-            continue  # it leaves the reach
-        way = _way(bodies, sampled(motion), motion)
-        ways.setdefault(way.name, way._replace(is_aside=True))
+        path = sampled(motion)
+        if (motion.model.alignments(path) > 0).all():  # False where not a number, out of reach
+            way = _way(bodies, path, motion)
+            ways.setdefault(way.name, way._replace(is_aside=True))
     return list(ways.values())
 
 

@@ -216,7 +216,8 @@ class FlatProblem:
         )
 
     def _settings(self, guess: Guess, scaling: Scaling) -> list[Settings]:
-        """With what to begin from a guess: where the first leads to no solution with the next."""
+        """The settings to begin with from a guess, one after the other until one leads to a
+        solution. Multipliers that are known are for the first."""
         begins: tuple[Settings, ...] = _FROM_NEAR if guess.near else _FROM_FAR
         if guess.is_trial and not scaling.problem.is_at_rest:
             begins = _FOR_TRIAL

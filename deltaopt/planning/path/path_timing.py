@@ -52,7 +52,8 @@ class PathTiming:
     """Times the path of rows as fast as they allow.
 
     ``tolerance``: relative gap of the duration. ``report``: is called with a line of text after
-    every mesh. ``meshes``: how many were solved so far.
+    every mesh. ``meshes``: how many were solved so far. ``_slowest``: share of the usual squared
+    speed at which tangents are taken at least.
     """
 
     rows: PathRows
@@ -72,19 +73,16 @@ class PathTiming:
         """
         try:
             found = self._refined(share * self.tolerance)
-            if found.motion.stops.any():
-                raise Infeasible(
-                    "the path: no speed but standstill keeps the limits somewhere on it"
-                )
         except Infeasible:
             if self.rows.are_affine or self._slowest:
                 raise
             self._slowest = _SLOWEST
-            return self.fastest(share, margin)
+            found = self._refined(share * self.tolerance)
         return self._tightened(found, margin)
 
     def _refined(self, enough: float) -> OnMesh:
-        """The fastest motion on a mesh on which its loss is ``enough``."""
+        """The fastest motion on a mesh on which its loss is ``enough``. Raises Infeasible where
+        there is none, or it comes to a standstill."""
         before = earlier = self._first()
         mesh, failures = before.evenly(_EVEN), 0
         for _ in range(_MOST_MOTIONS):
@@ -108,6 +106,8 @@ class PathTiming:
             earlier, before = before, motion
             if len(mesh.h) > _MOST_CELLS:
                 break
+        if found.motion.stops.any():
+            raise Infeasible("the path: no speed but standstill keeps the limits somewhere on it")
         return found
 
     def _first(self) -> MeshMotion:
