@@ -12,7 +12,8 @@ typedef int64_t (*Rows)(const int64_t *call);
 typedef struct {
   int64_t cells, rows, others, powers, pieces, convex;
   double start, goal, most;
-  double series, stopping, longest, resting;
+  double series, stopping, longest;
+  double slowest;            /* speed below which slopes by b are taken at it */
   const double *knots;       /* of the path, (pieces + 1) */
   const double *curve;       /* coefficients of p, p', p'', (pieces, powers, 9) */
   const double *nodes;       /* (cells + 1) */
@@ -57,11 +58,11 @@ static inline void put_state(Places *at, int64_t k, double speed, double u) {
   at->states[2 * k] = speed, at->states[2 * k + 1] = u;
 }
 
-/* Whether all rows are numbers. */
-static int evaluated(const Mesh *m, Places *at, int64_t n) {
+/* Whether all rows are numbers; their slopes by the speed are put there. */
+static int evaluated(const Mesh *m, const Places *at, int64_t n, double *slopes) {
   const int64_t call[] = {n, 3, 3, 3, 2, (int64_t)at->x, (int64_t)at->dx, (int64_t)at->ddx,
                           (int64_t)at->states, (int64_t)m->parameters, (int64_t)at->values,
-                          (int64_t)at->slopes, (int64_t)at->alpha, 0};
+                          (int64_t)slopes, (int64_t)at->alpha, 0};
   m->evaluate(call);
   double sum = 0;
   for (int64_t i = 0; i < n * m->rows; i++) sum += at->values[i] - at->values[i];
@@ -79,8 +80,8 @@ static void take_tangents(const Mesh *m, const Places *ends, Tangents *t) {
       const int64_t to = k * all + j, from = k * m->rows + j;
       double alpha, beta, low, high;
       if (j < m->rows) {
-        const double speed = ends->states[2 * k];
-        alpha = ends->alpha[from], beta = ends->slopes[from] / (2 * speed);
+        const double speed = ends->states[2 * k], faster = fmax(speed, m->slowest);
+        alpha = ends->alpha[from], beta = ends->slopes[from] / (2 * faster);
         const double rest = ends->values[from] - alpha * m->u[k] - beta * (speed * speed);
         low = m->sides[j] - rest, high = m->sides[m->rows + j] - rest;
       } else {
@@ -135,7 +136,7 @@ static int put_losses(const Mesh *m, Places *at, const double *b, const double *
     }
     total += durations[i];
   }
-  if (!evaluated(m, at, INSIDE * m->cells)) return 0;
+  if (!evaluated(m, at, INSIDE * m->cells, at->slopes)) return 0;
   for (int64_t i = 0; i < m->cells; i++) {
     double missed = 0;
     for (int64_t k = INSIDE * i; k < INSIDE * (i + 1); k++) {
@@ -165,9 +166,8 @@ static int64_t swept_on(Mesh *m, double *memory) {
   t.length = m->nodes[n] - m->nodes[0];
   double *h = taken(&memory, n), *of_sweep = taken(&memory, 3 * (n + 1));
   double *b = m->results, *u = b + n + 1, *durations = u + 2 * n, *losses = durations + n;
-  double *stops = losses + n, *beyond = stops + n, fastest = 0;
+  double *stops = losses + n, *beyond = stops + n;
   int64_t piece = 0;
-  for (int64_t k = 0; k < 2 * n; k++) fastest = fmax(fastest, m->b[k]);
   for (int64_t i = 0; i < n; i++) {
     const double length = m->nodes[i + 1] - m->nodes[i];
     h[i] = length / t.length;
@@ -175,10 +175,15 @@ static int64_t swept_on(Mesh *m, double *memory) {
     for (int64_t k = 2 * i; k < 2 * i + 2; k++) {
       const double since = m->nodes[i] - m->knots[piece] + (k % 2) * length;
       put_place(m, &ends, k, piece, since);
-      put_state(&ends, k, fmax(sqrt(fmax(m->b[k], 0)), m->resting * sqrt(fastest)), m->u[k]);
     }
   }
-  if (!evaluated(m, &ends, 2 * n)) return NO_NUMBERS;
+  for (int slow = 0; slow < 2; slow++) {  /* what is taken at the motion itself comes last */
+    for (int64_t k = 0; k < 2 * n; k++) {
+      const double speed = sqrt(fmax(m->b[k], 0));
+      put_state(&ends, k, slow ? speed : fmax(speed, m->slowest), m->u[k]);
+    }
+    if (!evaluated(m, &ends, 2 * n, slow ? t.beta : ends.slopes)) return NO_NUMBERS;
+  }
   take_tangents(m, &ends, &t);
   const double unit = t.length / t.largest;
   const int64_t status = sweep(n, all, m->convex, h, t.alpha, t.beta, t.low, t.high, m->start / unit,

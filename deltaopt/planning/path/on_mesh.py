@@ -16,7 +16,7 @@ import numpy as np
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.piecewise import Array
 from deltaopt.planning.path.path_mesh import LONGEST, SERIES, STOPPING, MeshMotion, PathMesh
-from deltaopt.planning.path.path_rows import RESTING, PathRows, State, kept_rows
+from deltaopt.planning.path.path_rows import PathRows, State, kept_rows
 from deltaopt.planning.path.sweep import FASTEST, Speeds, Unattainable, compiled, swept
 
 INSIDE = np.array([0.2, 0.5, 0.8])
@@ -70,7 +70,7 @@ def fastest_on_mesh(
     more = None if others is None else np.stack(list(vars(others).values()))
     number = 0 if others is None else others.alpha.shape[1]
     sizes = n, len(rows.sides), number, curve.shape[1], len(curve), int(rows.are_convex)
-    numbers = *rows.ends, FASTEST, SERIES, STOPPING, LONGEST, RESTING
+    numbers = *rows.ends, FASTEST, SERIES, STOPPING, LONGEST, rows.slowest
     arrays = [mesh.path.knots, curve, mesh.nodes, *tangency.last, more, tighter, rows.bounds]
     arrays += [INSIDE, rows.parameters]
     status, results = run(code, rows.function, sizes, numbers, arrays)
@@ -114,7 +114,7 @@ class _Mesh(ctypes.Structure):
         *((name, ctypes.c_int64) for name in ("cells", "rows", "others", "powers", "pieces")),
         ("convex", ctypes.c_int64),
         *((name, ctypes.c_double) for name in ("start", "goal", "most")),
-        *((name, ctypes.c_double) for name in ("series", "stopping", "longest", "resting")),
+        *((name, ctypes.c_double) for name in ("series", "stopping", "longest", "slowest")),
         *((name, ctypes.c_void_p) for name in ("knots", "curve", "nodes", "b", "u")),
         *((name, ctypes.c_void_p) for name in ("more", "tighter", "sides", "inside")),
         *((name, ctypes.c_void_p) for name in ("parameters", "evaluate", "results")),

@@ -39,9 +39,13 @@ Places = tuple[Array, Array, Array]
 State = tuple[Array, Array]
 """b and u of a motion at N places, (N,) each."""
 
-RESTING = 1e-6
-"""Share of the largest ṡ below which tangents are taken at it: the slope by b of a row that is
-linear in ṡ = √b, such as viscous friction, has no limit at rest."""
+_USUAL = 0.3
+"""Seconds in which a path is driven at the usual ṡ."""
+_SLOWEST, _RESTING = 0.2, 1e-6
+"""Shares of the usual ṡ below which slopes by b are taken at it: of rows that depend on ṡ = √b, as
+by friction, and of others. The slope of the former has no limit at rest; where a motion is slow it
+would tell the next one that friction takes all torque at higher speeds, and that one would creep.
+"""
 _FAN = 12
 """Tangents around a row that is curved in u. Each costs as much as a row; with fewer the first
 motions exceed the limit by more (by 2 % with 8), and another motion is needed."""
@@ -105,7 +109,7 @@ class PathRows:
 
         Raises Unreachable or Singular where the platform cannot be.
         """
-        own, others = self._tangents(places, *motion), self.others(places, other)
+        own, others = self._tangents(places, *motion, self.slowest), self.others(places, other)
         return own if others is None else _joined(own, others)
 
     def others(self, places: Places, motion: State) -> AffineRows | None:
@@ -113,7 +117,7 @@ class PathRows:
         where no row is curved."""
         if self.expansion is None:
             return None
-        curved = self._tangents(places, *motion).only(self.curved)
+        curved = self._tangents(places, *motion, self.slowest).only(self.curved)
         return _joined(curved, self._fans(places))
 
     @cached_property
@@ -121,11 +125,23 @@ class PathRows:
         """Lower and upper bounds of all rows, ±1 or infinite, (2, rows)."""
         return np.where(self.sides.T, 1.0, np.inf) * [[-1.0], [1.0]]
 
-    def _tangents(self, places: Places, b: Array, u: Array) -> AffineRows:
+    @cached_property
+    def usual_speed(self) -> float:
+        """ṡ that drives the path in some tenths of a second."""
+        return float(self.path.knots[-1] - self.path.knots[0]) / _USUAL
+
+    @cached_property
+    def slowest(self) -> float:
+        """ṡ below which slopes by b are taken at it. Values are those of the motion itself, so that
+        rows and what stands for them agree once motions no longer change."""
+        return (_RESTING if self.are_convex else _SLOWEST) * self.usual_speed
+
+    def _tangents(self, places: Places, b: Array, u: Array, slowest: float) -> AffineRows:
         speed = np.sqrt(np.maximum(b, 0.0))
-        speed = np.maximum(speed, RESTING * float(speed.max()))
-        values, by_speed, alpha = self._evaluated(places, speed, u)
-        beta = by_speed / (2 * speed[:, None])
+        values, _, alpha = self._evaluated(places, speed, u)
+        faster = np.maximum(speed, slowest)
+        _, by_speed, _ = self._evaluated(places, faster, u)
+        beta = by_speed / (2 * faster[:, None])
         rest = values - alpha * u[:, None] - beta * (speed**2)[:, None]
         low = np.where(self.sides[:, 0], -1.0 - rest, -np.inf)
         high = np.where(self.sides[:, 1], 1.0 - rest, np.inf)
@@ -149,7 +165,7 @@ class PathRows:
         first = self.path.with_derivatives(np.zeros(2, np.intp), np.zeros(2))
         b, u = np.array([1.0, 3.0]), np.array([0.5, -0.7])
         others = np.setdiff1d(np.arange(len(self.sides)), self.curved)
-        found = self._tangents(first, b, u).only(others)
+        found = self._tangents(first, b, u, 0.0).only(others)
         same = (np.allclose(one[0], one[1], rtol=1e-9, atol=1e-9) for one in vars(found).values())
         return all(same)
 

@@ -39,10 +39,6 @@ _MOST_TIGHTER = 0.5
 """Of a limit: more leaves nothing to hold the robot with."""
 _MOST_MOTIONS, _MOST_TIGHTENED, _MOST_FAILURES = 40, 8, 2
 _MOST_CELLS = 20_000
-_SLOWEST = 0.05
-"""Share of the usual squared speed at which tangents are taken at least, once a motion has come to
-a standstill: where one creeps Coulomb friction changes fast with the speed, and by its tangent
-there would take all of the torque at higher speeds, so that the next motion creeps as well."""
 _CHANGE = 0.1
 """Share of the tolerance by which the duration may still change when tangents are taken anew."""
 
@@ -60,7 +56,6 @@ class PathTiming:
     tolerance: float
     report: Callable[[str], None]
     meshes: int = field(default=0, init=False)
-    _slowest: float = field(default=0.0, init=False)
 
     def fastest(self, share: float, margin: float | None = None) -> tuple[OnMesh, float]:
         """The fastest motion, on a mesh whose loss is a ``share`` of the tolerance before limits
@@ -71,14 +66,7 @@ class PathTiming:
 
         Raises Infeasible where there is none.
         """
-        try:
-            found = self._refined(share * self.tolerance)
-        except Infeasible:
-            if self.rows.are_affine or self._slowest:
-                raise
-            self._slowest = _SLOWEST
-            found = self._refined(share * self.tolerance)
-        return self._tightened(found, margin)
+        return self._tightened(self._refined(share * self.tolerance), margin)
 
     def _refined(self, enough: float) -> OnMesh:
         """The fastest motion on a mesh on which its loss is ``enough``. Raises Infeasible where
@@ -167,10 +155,9 @@ class PathTiming:
         return found
 
     def _usual_speed(self, mesh: PathMesh) -> tuple[Array, Array]:
-        """b and u for tangents where no motion is known yet: the path in some tenths of a second,
-        at constant speed."""
+        """b and u for tangents where no motion is known yet: at constant speed."""
         n = 2 * len(mesh.h)
-        return np.full(n, (float(mesh.nodes[-1] - mesh.nodes[0]) / 0.3) ** 2), np.zeros(n)
+        return np.full(n, self.rows.usual_speed**2), np.zeros(n)
 
     def _tangency(self, mesh: PathMesh, motion: MeshMotion, before: MeshMotion) -> Tangency:
         """At a motion and, for rows that are curved, halfway to the one before: where motions
@@ -178,8 +165,7 @@ class PathTiming:
         if self.rows.are_affine:
             usual = self._usual_speed(mesh)
             return Tangency(usual, usual)
-        b, u = motion.states_at_ends(mesh)
-        last = np.maximum(b, self._slowest * self._usual_speed(mesh)[0]), u
+        last = motion.states_at_ends(mesh)
         if not len(self.rows.curved):
             return Tangency(last, last)
         b, u = before.states_at_ends(mesh)
