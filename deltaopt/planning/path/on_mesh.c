@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { INSIDE = 3 };
+enum { INSIDE = 7 };
 
 typedef int64_t (*Rows)(const int64_t *call);
 
@@ -21,7 +21,8 @@ typedef struct {
   const double *more;        /* alpha, beta, low, high of other rows there, (4, 2 cells, others) */
   const double *tighter;     /* by how much bounds of all rows are moved inwards, (cells, all) */
   const double *sides;       /* bounds of the rows, (2, rows) */
-  const double *inside;      /* fractions of cells where rows are looked at (INSIDE) */
+  const double *inside;      /* fractions of the time in cells when rows are looked at (INSIDE) */
+  const double *weights;     /* of these instants (INSIDE) */
   const double *parameters;
   Rows evaluate;
   double *results;           /* b (cells + 1), u (cells, 2), then of cells durations, losses,
@@ -119,6 +120,12 @@ static void put_durations(const Mesh *m, const double *b, const double *u, doubl
   }
 }
 
+/* The part of the way that is made in a part of the time, from one speed to another. */
+static double share_of_way(double part, double first, double last) {
+  const double sum = first + last;
+  return sum > 0 ? part * (2 * first + (last - first) * part) / sum : part;
+}
+
 /* By how much rows are exceeded inside of cells, and what that costs of the duration. */
 static int put_losses(const Mesh *m, Places *at, const double *b, const double *u,
                       const double *durations, const double *stops, double *losses,
@@ -128,8 +135,10 @@ static int put_losses(const Mesh *m, Places *at, const double *b, const double *
   for (int64_t i = 0; i < m->cells; i++) {
     const double h = m->nodes[i + 1] - m->nodes[i], change = u[2 * i + 1] - u[2 * i];
     while (piece < m->pieces - 1 && m->nodes[i] + h / 2 >= m->knots[piece + 1]) piece++;
+    const double first = sqrt(fmax(b[i], 0)), last = sqrt(fmax(b[i + 1], 0));
     for (int64_t k = 0; k < INSIDE; k++) {
-      const double z = m->inside[k], since = m->nodes[i] - m->knots[piece] + h * z;
+      const double z = share_of_way(m->inside[k], first, last);
+      const double since = m->nodes[i] - m->knots[piece] + h * z;
       const double there = b[i] + h * z * (2 * u[2 * i] + change * z);
       put_place(m, at, INSIDE * i + k, piece, since);
       put_state(at, INSIDE * i + k, sqrt(fmax(there, 0)), u[2 * i] + change * z);
@@ -148,7 +157,7 @@ static int put_losses(const Mesh *m, Places *at, const double *b, const double *
         beyond[k * m->rows + j] = fmax(above, below) - 1;
         most = fmax(most, beyond[k * m->rows + j]);
       }
-      missed += fabs(most) / INSIDE;
+      missed += m->weights[k - INSIDE * i] * fabs(most);
     }
     losses[i] = stops[i] ? INFINITY : missed * durations[i] / total;
   }

@@ -19,8 +19,11 @@ from deltaopt.planning.path.path_mesh import LONGEST, SERIES, STOPPING, MeshMoti
 from deltaopt.planning.path.path_rows import PathRows, State, kept_rows
 from deltaopt.planning.path.sweep import FASTEST, Speeds, Unattainable, compiled, swept
 
-INSIDE = np.array([0.2, 0.5, 0.8])
-"""Fractions of a cell where rows are looked at between its ends."""
+INSIDE = np.array([0.01, 0.06, 0.2, 0.5, 0.8, 0.94, 0.99])
+"""Fractions of the time in a cell when rows are looked at: near its ends more closely, for there
+friction changes fast beside a rest."""
+_WEIGHTS = np.array([0.03, 0.07, 0.23, 0.34, 0.23, 0.07, 0.03])
+"""Of these instants."""
 _NO_NUMBERS, _NO_MEMORY = -2, -3
 """What the compiled code returns beside what the sweep does."""
 _STEP = 1e-4
@@ -72,7 +75,7 @@ def fastest_on_mesh(
     sizes = n, len(rows.sides), number, curve.shape[1], len(curve), int(rows.are_convex)
     numbers = *rows.ends, FASTEST, SERIES, STOPPING, LONGEST, rows.slowest
     arrays = [mesh.path.knots, curve, mesh.nodes, *tangency.last, more, tighter, rows.bounds]
-    arrays += [INSIDE, rows.parameters]
+    arrays += [INSIDE, _WEIGHTS, rows.parameters]
     status, results = run(code, rows.function, sizes, numbers, arrays)
     if status == _NO_NUMBERS:
         by_arrays(rows, mesh, tangency, tighter)  # says what is the matter
@@ -93,8 +96,9 @@ def by_arrays(rows: PathRows, mesh: PathMesh, tangency: Tangency, tighter: Array
     if tighter is not None:
         tangents = tangents.tightened(np.repeat(tighter, 2, axis=0))
     motion = MeshMotion.of(mesh, swept(mesh.h, tangents, *rows.ends, convex=rows.are_convex))
-    b, u = motion.at(INSIDE)
-    beyond = rows.beyond(mesh.places(INSIDE), b.ravel(), u.ravel()).reshape(*b.shape, -1)
+    fractions = motion.shares_of_way(INSIDE)
+    b, u = motion.at(fractions)
+    beyond = rows.beyond(mesh.places(fractions), b.ravel(), u.ravel()).reshape(*b.shape, -1)
     return OnMesh(motion, tangency, tighter, beyond, _losses(motion, beyond))
 
 
@@ -102,7 +106,7 @@ def _losses(motion: MeshMotion, beyond: Array) -> Array:
     """Relative loss of time in each cell, (N,), infinite where the motion stops: the part of the
     nearest limit that is exceeded or not used. Limits are those of squares of speeds, so that half
     of it would do, if gravity did not take its share of the torques."""
-    missed = np.abs(beyond.max(axis=2)).mean(axis=1)
+    missed = np.abs(beyond.max(axis=2)) @ _WEIGHTS
     missed = np.where(motion.stops, np.inf, missed)
     return np.asarray(missed * motion.durations / motion.duration)
 
@@ -116,7 +120,7 @@ class _Mesh(ctypes.Structure):
         *((name, ctypes.c_double) for name in ("start", "goal", "most")),
         *((name, ctypes.c_double) for name in ("series", "stopping", "longest", "slowest")),
         *((name, ctypes.c_void_p) for name in ("knots", "curve", "nodes", "b", "u")),
-        *((name, ctypes.c_void_p) for name in ("more", "tighter", "sides", "inside")),
+        *((name, ctypes.c_void_p) for name in ("more", "tighter", "sides", "inside", "weights")),
         *((name, ctypes.c_void_p) for name in ("parameters", "evaluate", "results")),
     )
 

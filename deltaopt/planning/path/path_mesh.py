@@ -70,9 +70,9 @@ class PathMesh:
         return self.nodes[:-1] - self.path.knots[self.pieces]
 
     def places(self, fractions: Array) -> Places:
-        """Places at these fractions of every cell, (N · n,)."""
+        """Places at these fractions of every cell, (N, n) or the same n of all: (N · n,)."""
         since = (self.begins[:, None] + self.h[:, None] * fractions).ravel()
-        return self.path.with_derivatives(np.repeat(self.pieces, len(fractions)), since)
+        return self.path.with_derivatives(np.repeat(self.pieces, fractions.shape[-1]), since)
 
     @cached_property
     def ends(self) -> Places:
@@ -108,6 +108,15 @@ class MeshMotion:
     def at(self, fractions: Array) -> tuple[Array, Array]:
         """b and u at these fractions of every cell, (N, n) each."""
         return self._states(np.arange(len(self.mesh.h)), fractions)
+
+    def shares_of_way(self, parts: Array) -> Array:
+        """Of every cell, (N, n), that are made in these parts of the time in it, (n,), as if u were
+        the same in all of the cell."""
+        speeds = np.sqrt(np.maximum(self.speeds.b, 0.0))[:, None]
+        first, last = speeds[:-1], speeds[1:]
+        total = np.where(first + last > 0, first + last, np.inf)
+        made = parts * (2 * first + (last - first) * parts) / total
+        return np.where(np.isfinite(total), made, parts)
 
     def states_at_ends(self, mesh: PathMesh) -> tuple[Array, Array]:
         """b and u at both ends of the cells of another mesh of the path, (2 N,) each."""

@@ -46,6 +46,9 @@ _SLOWEST, _RESTING = 0.2, 1e-6
 by friction, and of others. The slope of the former has no limit at rest; where a motion is slow it
 would tell the next one that friction takes all torque at higher speeds, and that one would creep.
 """
+_SPEEDS = np.geomspace(1e-4, 1.0, 9)
+"""Shares of the usual ṡ at which it is seen whether tangents are the same: slow ones as well, for
+Coulomb friction depends on the speed beside rest alone."""
 _FAN = 12
 """Tangents around a row that is curved in u. Each costs as much as a row; with fewer the first
 motions exceed the limit by more (by 2 % with 8), and another motion is needed."""
@@ -72,9 +75,8 @@ class AffineRows:
 class PathRows:
     """The limits that a motion must keep, on a path.
 
-    ``path``: at whose beginning it is seen whether rows are affine. ``sides``: whether each row has
-    a lower and an upper bound, (rows, 2). ``curved``: indices of those that are not affine in u.
-    ``ends``: ṡ² at start and goal.
+    ``sides``: whether each row has a lower and an upper bound, (rows, 2). ``curved``: indices of
+    those that are not affine in u. ``ends``: ṡ² at start and goal.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -162,12 +164,14 @@ class PathRows:
     def are_convex(self) -> bool:
         """Whether tangents of rows are the rows themselves, at any state, but for rows that are
         curved in u."""
-        first = self.path.with_derivatives(np.zeros(2, np.intp), np.zeros(2))
-        b, u = np.array([1.0, 3.0]), np.array([0.5, -0.7])
+        pieces, n = len(self.path.knots) - 1, len(_SPEEDS)
+        middles = np.diff(self.path.knots) / 2
+        places = self.path.with_derivatives(np.repeat(np.arange(pieces), n), np.repeat(middles, n))
+        b, u = (_SPEEDS * self.usual_speed) ** 2, np.resize([0.5, -0.7], n)
         others = np.setdiff1d(np.arange(len(self.sides)), self.curved)
-        found = self._tangents(first, b, u, 0.0).only(others)
-        same = (np.allclose(one[0], one[1], rtol=1e-9, atol=1e-9) for one in vars(found).values())
-        return all(same)
+        found = self._tangents(places, np.tile(b, pieces), np.tile(u, pieces), 0.0).only(others)
+        at_speeds = (each.reshape(pieces, n, -1) for each in vars(found).values())
+        return all(np.allclose(each, each[:, -1:], rtol=1e-9, atol=1e-9) for each in at_speeds)
 
     def _evaluated(self, places: Places, speed: Array, u: Array) -> tuple[Array, ...]:
         states = np.column_stack([speed, u])
