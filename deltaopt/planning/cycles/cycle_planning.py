@@ -26,7 +26,7 @@ import numpy as np
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import NO_PLAN, Infeasible, SceneError, if_possible
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
-from deltaopt.planning.cycles.priced_legs import SPARED, USED_UP, PricedLegs, Round
+from deltaopt.planning.cycles.priced_legs import USED_UP, PricedLegs, Round
 from deltaopt.planning.cycles.prices import broyden
 from deltaopt.planning.first_motions.around_bodies import is_clear
 from deltaopt.planning.journal import Progress
@@ -48,10 +48,10 @@ _POOR = 1e-2
 are hotter in less time and in more, no prices lead to them."""
 _ALIKE = 1e-2
 """Relative difference of the shares that legs have of a period, up to which they are the same."""
-_NARROWLY, _HOPELESS = 8, 20
-"""After how many rounds of which none kept all limits twice as much is spared in each as in the one
-before, for legs that hardly keep them may leap, as with friction; and after how many, without any
-that did, there is no cycle."""
+_NARROWLY, _DEARER, _HOPELESS = 8, 0.03, 20
+"""After how many rounds of which none kept all limits prices of what exceeds them only grow, and by
+what share of their sum at least, for legs that hardly keep limits may leap to and fro, as with
+friction; and after how many, without any that did, there is no cycle."""
 _LONGER, _MOST_PERIODS = 1.15, 10
 """By what factor one period is longer than the one before, and how many there are at most."""
 _APART = 1e-3
@@ -132,16 +132,17 @@ def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePla
             break
         afresh = done or waits  # legs that linger where they are cool are near no others
         last_kept = last_kept if kept is None else number
-        spared = SPARED * 2.0 ** max(0, number - last_kept - _NARROWLY)
-        excess = sought.excess(found, spared)
+        excess = sought.excess(found)
         if is_elsewhere:
             slopes = sought.slopes(rounds[-1])
         else:
             before = rounds[-2]
-            change = excess - sought.excess(before.found, spared)
+            change = excess - sought.excess(before.found)
             slopes = broyden(slopes, prices - before.prices, change)
         if not done:
-            prices = sought.next(prices, excess, slopes)
+            dearer = prices + _DEARER * prices.sum() * (excess > 0)
+            least = dearer if number - last_kept > _NARROWLY else np.zeros_like(prices)
+            prices = sought.next(prices, excess, slopes, least)
     if best is None:
         if shortest is not None:
             _require_long_enough(cycle, shortest, 0.0)

@@ -37,7 +37,7 @@ least period a leg's gap is one of the period, for which much heat is paid."""
 _STEEPER = 10.0
 """How many times as much heat a second of the period is taken to save near the least one as where
 slower motions have the same shape."""
-SPARED = 0.2
+_SPARED = 0.2
 """Of the tolerance: by what share less is aimed at, about, of squared torques where legs that end
 moving cannot be slowed until the limits are kept, and of a given period, which legs that take
 longer do not keep, however little it is."""
@@ -154,11 +154,10 @@ class PricedLegs:
         found = CyclePlan(cycle, tuple(legs), dwells, tolerance=self.tolerance)
         return found if cycle.period is None else self.with_waits(found)
 
-    def excess(self, found: CyclePlan, spared: float = SPARED) -> Array:
+    def excess(self, found: CyclePlan) -> Array:
         """How far what has a price is above what is aimed at, in the order of the prices: in the
-        powers that fall in proportion to prices where slower motions have the same shape.
-        ``spared``: by what share of the tolerance less is aimed at, where that has to be."""
-        larger = 1 + spared * self.tolerance
+        powers that fall in proportion to prices where slower motions have the same shape."""
+        larger = 1 + _SPARED * self.tolerance
         used = (found.squares / (self.limits * found.period)) ** (4 / 3)
         if any(leg.moves_at_ends for leg in self.cycle.legs):
             used = used * larger
@@ -336,9 +335,9 @@ class PricedLegs:
         sign = -1.0 if self.is_near_least else 1.0
         return np.vstack([4 * sign * (1 - self.excess(found)[0]) * slower, powers])
 
-    def next(self, prices: Array, excess: Array, slopes: Array) -> Array:
-        """The prices of the next round."""
-        found = next_prices(prices, excess, slopes)
+    def next(self, prices: Array, excess: Array, slopes: Array, least: Array) -> Array:
+        """The prices of the next round, each the ``least`` or more."""
+        found = np.maximum(next_prices(prices, excess, slopes), least)
         left = self.time(found) / self.time(prices)
         if left >= _LEFT:
             return found
