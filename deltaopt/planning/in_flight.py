@@ -20,12 +20,17 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
 from deltaopt.robot.model import model_of
 from deltaopt.scene.moving_ends import Anywhere
+from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 
 _AT_LEAST = 0.97
 """What a plan takes at least, as a share of the motion on its first mesh alone, which is found in a
 fifth of the time. Of 600 moves of five robots it was 0.979 or more; a smaller share has more
 motions planned that are not shorter."""
+_SOON = 2e-4
+"""s: what is left of a motion that is finished at once. The next set-point of a controller lies
+beyond its end, and a way that grows with the cube of the time, as under limits of torque rates, is
+so short that solvers see little but rounding: where 0.1 ms were left they tried for 15 s."""
 _NO_JUMP = 1e-6
 """A jump of acceleration that is none, m/s²."""
 _NO_WAY, _PASSED = 1e-11, 1e-7
@@ -55,12 +60,8 @@ def finished_first(
         return None
     motion = Trajectory(under_way, model_of(scene.robot, scene.payload))
     if _is_asked_for(problem_of(scene), motion):
-        if not _is_kept(scene, motion):
-            return None
-        origin = "the motion under way"
-        tolerance = loop.optimiser.tolerance
-        finished = plan_as_it_is(scene, motion, tolerance, origin, origin, "Finished")
-        return quicker(finished, found) if found else finished
+        finished = _finished(loop, scene, motion)
+        return quicker(finished, found) if finished and found else finished
     rest = from_end_of(scene, under_way)
     if found is not None and rest.moves_at_ends:
         return None
@@ -83,6 +84,23 @@ def finished_first(
         resolved=False,
         multipliers=None,
     )
+
+
+def nearly_over(loop: Loop, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan | None:
+    """The motion under way as the plan, if it is over so soon that nothing could save more, and is
+    what the scene asks for within its limits."""
+    if under_way is None or under_way.knots[-1] > _SOON or not isinstance(scene.objective, Time):
+        return None
+    motion = Trajectory(under_way, model_of(scene.robot, scene.payload))
+    return _finished(loop, scene, motion) if _is_asked_for(problem_of(scene), motion) else None
+
+
+def _finished(loop: Loop, scene: Scene, motion: Trajectory) -> Plan | None:
+    """The motion under way as the plan; None where it breaks a limit."""
+    if not _is_kept(scene, motion):
+        return None
+    origin, tolerance = "the motion under way", loop.optimiser.tolerance
+    return plan_as_it_is(scene, motion, tolerance, origin, origin, "Finished")
 
 
 def stop_of(scene: Scene, planned: Callable[[Scene], Plan]) -> PiecewisePolynomial | None:

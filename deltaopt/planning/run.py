@@ -41,7 +41,7 @@ from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.first_motions.passages import paths_of_lines
 from deltaopt.planning.first_motions.through_gates import simple_motions, through_gates
 from deltaopt.planning.formulations.choice import Flat
-from deltaopt.planning.in_flight import finished_first, stop_of
+from deltaopt.planning.in_flight import finished_first, nearly_over, stop_of
 from deltaopt.planning.links_clear import keeping_links_clear
 from deltaopt.planning.loop import NEAR_BEST, USUAL, Loop, Outcome, better, or_error, or_raise
 from deltaopt.planning.past_bodies.legs import Legs, proposed_in_legs, ways_in_legs
@@ -243,6 +243,8 @@ class Run(Loop):
     def _plan_moving(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
         """Plan the fastest motion in phases or where an end moves, from the first good guess; onto
         a belt that is not possible to meet at once, as soon as it is, if that can be."""
+        if (over := nearly_over(self, scene, under_way)) is not None:
+            return over
         planned = partial(self._plan_by_limits, under_way=None)
         on_belt = PlacesOnBelt(scene, partial(or_error, planned), self.to_a_place)
         if on_belt.is_awaited and (waited := on_belt.plan()):

@@ -26,6 +26,7 @@ from deltaopt.planning.journal import Journal
 from deltaopt.planning.loop import Loop
 from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
 from studies.frozen import cases
+from studies.problems import PROBLEMS
 from tests.good_plans import good_plan
 from tests.planning.switching.test_vertical_moves import MOVES, VerticalMove
 
@@ -228,6 +229,19 @@ def test_nothing_to_plan_at_the_very_end_of_a_motion(across, before_end):
         PLANNER.stop(now)
     with pytest.raises((SceneError, deltaopt.Infeasible), match=r"resolve|other than start"):
         PLANNER.plan(now, CROSS.goal)
+
+
+@pytest.mark.parametrize("left", [1e-4, 3e-5])
+def test_a_smooth_motion_that_is_nearly_over_is_finished(left):
+    """Of the way of 1e-8 m that is left solvers see little but rounding."""
+    robot = deltaopt.load_robot(PROBLEMS / "robots" / "industrial_smooth.yaml")
+    planner = Planner(robot)
+    at = planner.plan(CROSS.start, CROSS.goal).trajectory
+    now = at(at.duration - left)
+    for found in (planner.plan(now, CROSS.goal), planner.stop(now)):
+        assert found.duration == pytest.approx(left, rel=1e-3)
+        assert found.iterations == 0
+        assert deltaopt.verify(found.scene, found.trajectory).ok
 
 
 def test_a_motion_at_its_end_goes_on_from_rest(across):

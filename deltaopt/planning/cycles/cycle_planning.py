@@ -41,8 +41,9 @@ _MOST_ROUNDS = 30
 _PATIENCE, _LESS = 6, 0.9
 """After how many rounds in which the gap did not fall to this share of what it was no more are
 made: where legs are known no better, as with friction."""
-_MOST_WEIGHT = 1e10
-"""Of squared torques beside time, 1/(N²m²): with more it is not known how long legs take."""
+_MOST_WEIGHT = 1e5
+"""Of squared torques, as shares of their limits, beside time: with more it is hardly known how long
+legs take."""
 _POOR = 1e-2
 """Gap above which a least period is looked for among cycles whose legs fill it: where the best legs
 are hotter in less time and in more, no prices lead to them."""
@@ -126,7 +127,8 @@ def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePla
         waits = cycle.period is None and best is not None and best.dwells != cycle.least_dwells
         patience = 2 * _PATIENCE if waits else _PATIENCE
         done = gap <= tolerance or (len(gaps) > patience and gap > _LESS * gaps[-1 - patience])
-        too_dear = sought.motors(prices).max() > _MOST_WEIGHT * sought.time(prices)
+        dearest = float((sought.motors(prices) * sought.limits).max())
+        too_dear = dearest > _MOST_WEIGHT * sought.time(prices)
         is_hopeless = too_dear or (best is None and number > _HOPELESS)
         if (done and afresh) or is_hopeless:
             break
@@ -141,8 +143,8 @@ def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePla
             slopes = broyden(slopes, prices - before.prices, change)
         if not done:
             dearer = prices + _DEARER * prices.sum() * (excess > 0)
-            least = dearer if number - last_kept > _NARROWLY else np.zeros_like(prices)
-            prices = sought.next(prices, excess, slopes, least)
+            falls = number - last_kept <= _NARROWLY
+            prices = sought.next(prices, excess, slopes, 0 * prices if falls else dearer)
     if best is None:
         if shortest is not None:
             _require_long_enough(cycle, shortest, 0.0)
