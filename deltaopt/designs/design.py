@@ -34,6 +34,8 @@ _RADII = {"initial_tr_radius": 0.1, "final_tr_radius": 1e-4}
 ends. By its own first radius, from the middle to the bounds, it ran into what keeps no limit."""
 _BEGINNINGS = 16
 """Designs of which the first one with a plan begins the search."""
+_DISCARDED = (*NO_PLAN, SceneError)
+"""What is raised of a design that is discarded, for there is no plan of it."""
 _NEVER = 1e6
 """The duration of a design without a plan, s: no optimiser stays there."""
 
@@ -105,8 +107,13 @@ def _bound(given: Design, choice: Choice) -> float:
     proven lower bound on its durations."""
     changes = given.asked.change
     cheapest = [each.least if each.price > 0 else each.most for each in changes]
-    jobs = None if changes else if_possible((SceneError,), given.jobs, choice, [])
-    return given.worth(choice, cheapest, [_shortest(job) for job in jobs or ()] or [0.0])
+    seconds = None if changes else if_possible(_DISCARDED, _all_shortest, given, choice)
+    return given.worth(choice, cheapest, seconds or [0.0])
+
+
+def _all_shortest(given: Design, choice: Choice) -> list[float]:
+    """What no motion of each scene undercuts with the rows that were chosen, s."""
+    return [_shortest(job) for job in given.jobs(choice, [])]
 
 
 def _shortest(job: Any) -> float:
@@ -186,7 +193,7 @@ class _Search:
             changes = self.given.asked.change
             pairs = zip(changes, shares.tolist(), strict=True)
             values = tuple(each.least + x * (each.most - each.least) for each, x in pairs)
-            plans = if_possible((*NO_PLAN, SceneError), self._plans, values) or []
+            plans = if_possible(_DISCARDED, self._plans, values) or []
             seconds = [each.trajectory.duration for each in plans]
             durations = tuple(seconds) or (_NEVER,) * len(self.given.contents)
             value = self.given.worth(self.choice, values, durations)

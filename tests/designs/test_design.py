@@ -144,6 +144,15 @@ def test_rows_of_a_catalogue(folder, capsys):
     assert "2 choices passed over, which cannot be better" in capsys.readouterr().out
 
 
+def test_a_row_that_cannot_reach_the_ends_is_discarded(folder):
+    """Its lower bound is not known, and it has no plan; that of the other row is the best."""
+    (folder / "arms.csv").write_text("Model,Length [mm]\nshort,20\nmid,300\n")
+    columns = "{robot.upper_arm.length: 'Length [mm]'}"
+    text = f"catalogues: [{{file: arms.csv, name: Model, columns: {columns}}}]\n"
+    found = deltaopt.design(written(folder, f"scenes: [far.yaml]\n{text}"), tolerance=1e-3)
+    assert [each.choice.name for each in found.candidates] == ["mid"]
+
+
 def test_numbers_of_a_catalogue_in_any_notation(folder):
     """T ~ √((J + n² Jm) / τ) of motors of τ = 0.955 and 3.82 N·m, Jm = 0.14 and 0.28 kg·cm²."""
     file = written(folder, f"scenes: [near.yaml]\n{CATALOGUE}")
