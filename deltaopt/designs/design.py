@@ -35,7 +35,7 @@ ends. By its own first radius, from the middle to the bounds, it ran into what k
 _BEGINNINGS = 16
 """Designs of which the first one with a plan begins the search."""
 _DISCARDED = (*NO_PLAN, SceneError)
-"""What is raised of a design that is discarded, for there is no plan of it."""
+"""What is raised of a design that is discarded, and of one whose derivatives are not known."""
 _NEVER = 1e6
 """The duration of a design without a plan, s: no optimiser stays there."""
 
@@ -72,10 +72,10 @@ def design(
 ) -> Designed:
     """The best design of a file.
 
-    ``derivatives``: whether those of plans are used, where each change is of one number, or the
-    optimiser does without. ``tolerance``: of plans. ``progress``: is called with a line of text for
-    each choice of rows. Raises SceneError for a file that cannot be used, Infeasible where no
-    design is found, and MissingPackage.
+    ``derivatives``: whether those of plans are used, where they are known, or the optimiser does
+    without. ``tolerance``: of plans. ``progress``: is called with a line of text for each choice of
+    rows. Raises SceneError for a file that cannot be used, Infeasible where no design is found, and
+    MissingPackage.
 
     Examples:
         >>> best = deltaopt.design("problems/design/gear.yaml").best
@@ -90,8 +90,7 @@ def design(
         if found and bound >= min(each.value for each in found):
             passed_over += 1
             continue
-        are_known = derivatives and given.changes_numbers(choice)
-        search = _Search(given, choice, tolerance, are_known)
+        search = _Search(given, choice, tolerance, derivatives)
         best = search.best()
         evaluations += len(search.known)
         tell(f"{choice.name}: {'no plan' if best is None else f'{best.value:.6g}'}")
@@ -148,20 +147,24 @@ class _Search:
         asked = self.given.asked
         for shares in _spread(len(asked.change)):
             first = self._at(shares)[0]
-            if max(first.durations) < _NEVER:
-                if len(shares):
-                    self._minimise(shares, first)
+            if len(shares) and max(first.durations) < _NEVER:
+                by_slopes = self.derivatives and if_possible(
+                    _DISCARDED, self._minimise, shares, first, True
+                )
+                if not by_slopes:
+                    self._minimise(shares, first, False)
                 break
         longest = asked.longest or _NEVER / 2
         possible = [each for each, _ in self.known.values() if max(each.durations) <= longest]
         return min(possible, key=lambda each: each.value, default=None)
 
-    def _minimise(self, shares: Array, first: Candidate) -> None:
-        """Let scipy look for the best one.
+    def _minimise(self, shares: Array, first: Candidate, derivatives: bool) -> bool:
+        """Let scipy look for the best one; true when it has.
 
         Beside the shares its unknowns are the times that scenes may take, one for each or for the
         worst, over the longest at ``first``: the value is linear in all of them, and that no scene
-        takes longer is a constraint.
+        takes longer is a constraint. Raises SceneError, or what is raised without a plan, where
+        derivatives are not known: of a place in the cell, of a factor, of a path.
         """
         asked, k, seconds = self.given.asked, len(shares), np.array(first.durations)
         times = np.ones((len(seconds), 1)) if asked.over == "worst" else np.eye(len(seconds))
@@ -179,12 +182,13 @@ class _Search:
         optimize.minimize(
             lambda y: costs @ y,
             np.append(shares, (times.T * seconds).max(axis=1) / unit),
-            jac=(lambda y: costs) if self.derivatives else None,
-            method="SLSQP" if self.derivatives else "COBYQA",
+            jac=(lambda y: costs) if derivatives else None,
+            method="SLSQP" if derivatives else "COBYQA",
             bounds=[(0, 1)] * k + [(0, most)] * times.shape[1],
             constraints=kept,
-            options={"ftol": _DONE} if self.derivatives else _RADII,
+            options={"ftol": _DONE} if derivatives else _RADII,
         )
+        return True
 
     def _at(self, shares: Array) -> tuple[Candidate, list[Any]]:
         """The design at shares of the bounds, and its plans."""

@@ -21,7 +21,6 @@ from deltaopt.sensitivity.keys import (
     changed,
     content_of,
     job_of,
-    numbers_in,
     require_once,
 )
 
@@ -108,13 +107,6 @@ class Design:
         keys = (each.key for each in self.asked.change)
         given = {**choice.values, **dict(zip(keys, values, strict=True))}
         return [job_of(changed(content, given)) for content in self.contents]
-
-    def changes_numbers(self, choice: Choice) -> bool:
-        """Whether each change is of one number, on which durations are known to depend: not of a
-        place in the cell, nor of a number by a factor, as ``robot.upper_arm.length times``."""
-        jobs = self.jobs(choice, [each.least for each in self.asked.change])
-        numbers = [{each.key for each in numbers_in(content_of(job))} for job in jobs]
-        return all(each.key in keys for each in self.asked.change for keys in numbers)
 
     def worth(self, choice: Choice, values: Sequence[float], durations: Sequence[float]) -> float:
         """What a design costs: its rows, what was changed, and the durations of its scenes, s."""

@@ -78,6 +78,16 @@ def test_a_change_by_a_factor_is_one_without_known_derivatives(folder):
     assert found.best.values == pytest.approx([RATIO / 20], rel=2e-3)
 
 
+def test_a_scene_without_known_sensitivities_is_designed_without_derivatives(folder):
+    """Of arms alone the line that is given is the way of the fastest motion."""
+    with (folder / "far.yaml").open("a") as scene:
+        scene.write("path: line\n")
+    file = written(folder, f"scenes: [far.yaml]\n{GEAR}")
+    found, without = (deltaopt.design(file, derivatives=each, tolerance=1e-3) for each in (1, 0))
+    assert found.best == without.best
+    assert found.best.values == pytest.approx([RATIO], rel=2e-2)
+
+
 def test_what_a_gear_costs_and_what_a_scene_may_take(folder):
     """A price makes the ratio smaller, as far as the scene may take so long."""
     text = f"scenes: [far.yaml]\nlongest: 34 ms\n{GEAR.replace('most: 60', 'most: 60, price: 1')}"
