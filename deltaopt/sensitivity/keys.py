@@ -157,9 +157,13 @@ def _in_si(header: str, key: str, value: Any) -> Any:
 
 
 def _keys(header: str) -> list[str]:
-    """The keys that a header names."""
+    """The keys that a header names. Raises SceneError where it names none."""
     words = header.split()
-    return words[:-1] if words[-1] in _HOW else words
+    keys = words[:-1] if words and words[-1] in _HOW else words
+    if not (keys and all(map(parts_of, keys))):
+        expected = "a key, such as payload, alone or before times or plus"
+        raise SceneError(None, header, None, expected, "names no key to change")
+    return keys
 
 
 def _changed(header: str, key: str) -> Quantity | None:

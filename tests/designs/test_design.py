@@ -213,6 +213,14 @@ def test_both_files_or_none_and_no_robot_of_somebody(folder, capsys):
             "change[0].most is 60.0; expected a number greater than 80",
         ),
         (
+            "scenes: [far.yaml]\n" + GEAR.replace("robot.drive.gear.ratio", "times"),
+            "times names no key to change; expected a key, such as payload, alone or before times",
+        ),
+        (
+            "scenes: [far.yaml]\n" + GEAR.replace("robot.drive.gear.ratio", "'.'"),
+            ". names no key to change",
+        ),
+        (
             "scenes: [far.yaml]\n" + GEAR.replace("ratio", "ratoi"),
             "robot.drive.gear.ratoi is not a known key",
         ),

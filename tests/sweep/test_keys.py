@@ -144,6 +144,8 @@ WRONG = [
     ("points: [{robot: 3}]", "robot is 3.0; expected keys of a robot; a sweep names files"),
     ("grid: {payload times: [[1, 2]]}", r"payload is \[1.0, 2.0\]; expected one number, by which"),
     ("points: [{payload plus: [1, 2]}]", r"payload is \[1.0, 2.0\]; expected one number, by which"),
+    ("grid: {times: [1, 2]}", "times names no key to change; expected a key, such as payload"),
+    ("points: [{plus: 1}]", "plus names no key to change"),
     ("points: [{payload: 1, place.w: 2}]", "place.w is not a known key; expected place.x"),
 ]
 
