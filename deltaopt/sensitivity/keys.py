@@ -12,10 +12,9 @@ from __future__ import annotations
 
 import json
 import re
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, combinations
 from pathlib import Path
 from typing import Any, get_args
 
@@ -60,16 +59,19 @@ def changed(content: Mapping[str, Any], changes: Mapping[str, Any]) -> Content:
 
 
 def require_once(headers: Iterable[str]) -> None:
-    """Raise SceneError where several headers change the same key: one change would undo another."""
-    keys = Counter(chain.from_iterable(map(_keys, headers)))
-    for key, number in keys.items():
-        if number > 1:
-            raise SceneError(None, key, None, "one change of each key", "is changed twice")
+    """Raise SceneError where several headers change the same key, or a key and a part of what is
+    under it: one change would undo another."""
+    keys = chain.from_iterable(map(_keys, headers))
+    for (key, parts), (other, others) in combinations([(key, parts_of(key)) for key in keys], 2):
+        if all(one == another for one, another in zip(parts, others, strict=False)):
+            problem = "is changed twice" if key == other else f"is changed by {other} too"
+            raise SceneError(None, key, None, "one change of each key", problem)
 
 
-def parts_of(key: str) -> list[str]:
+def parts_of(key: str) -> list[str | int]:
     """The names and places in lists that a key is made of."""
-    return re.findall(r"[^.\[\]]+", key)
+    parts = re.findall(r"[^.\[\]]+", key)
+    return [int(part) if part.isdecimal() else part for part in parts]
 
 
 def _change(content: Content, key: str, how: Callable[[Any, Any], Any], by: Any) -> Content:
@@ -91,12 +93,12 @@ def _change(content: Content, key: str, how: Callable[[Any, Any], Any], by: Any)
     return content
 
 
-def _place_in(node: Any, part: str, key: str) -> Any:
+def _place_in(node: Any, part: str | int, key: str) -> Any:
     """The key of a mapping, or the place in a list, that a part of a key names."""
     if isinstance(node, dict):
+        return str(part)
+    if isinstance(node, list) and isinstance(part, int) and part < len(node):
         return part
-    if isinstance(node, list) and part.isdigit() and int(part) < len(node):
-        return int(part)
     of_list = f"a place in a list of {len(node)}, counted from 0" if isinstance(node, list) else ""
     raise SceneError(None, key, None, of_list or "a key that is there", f"has no part {part}")
 
@@ -179,13 +181,13 @@ def _quantity(key: str) -> Quantity | None:
     for name in parts:
         each = (kind for kind in (*kinds, Cycle) if isinstance(kind, type))
         records = (kind for kind in each if issubclass(kind, Record))
-        fields = (record.model_fields.get(name) for record in records)
+        fields = (record.model_fields.get(str(name)) for record in records)
         field = next(filter(None, fields), None)
         if field is not None:  # else a place in a list, or the word that tells a path's kind
             inside = _inside(field.annotation)
             kinds = [Robot] if name == "robot" else [*inside, *field.metadata]
     found = [kind for kind in kinds if isinstance(kind, Quantity)]
-    of_point = int(parts[-1]) if parts[-1].isdigit() and len(found) > 1 else 0
+    of_point = parts[-1] if isinstance(parts[-1], int) and len(found) > 1 else 0
     return found[of_point] if of_point < len(found) else None
 
 

@@ -134,6 +134,16 @@ WRONG = [
         "points: [{payload: 3}]\nsamples: {number: 3, ranges: {payload: {from: 1, to: 2}}}",
         "payload is changed twice; expected one change of each key",
     ),
+    (
+        "grid: {'goal[1]': [0.1, 0.12], goal.01 plus: [0.01]}",
+        r"goal\[1\] is changed by goal.01 too; expected one change of each key",
+    ),
+    ("grid: {'goal[1]': [0.1], goal: [[0.45, 0.1, 0]]}", r"goal\[1\] is changed by goal too"),
+    (
+        "grid: {robot.drive: [{}]}\npoints: [{robot.drive.torque: 9}]",
+        "is changed by robot.drive.tor",
+    ),
+    ("grid: {goal.²: [1]}", "goal.² has no part ²; expected a place in a list of 3"),
     ("samples: {number: 3}", "samples.ranges is missing; expected a mapping of keys"),
     (
         "samples: {number: 0, ranges: {payload: {from: 1, to: 2}}}",
