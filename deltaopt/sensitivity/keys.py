@@ -51,10 +51,11 @@ def changed(content: Mapping[str, Any], changes: Mapping[str, Any]) -> Content:
     """
     found: Content = json.loads(json.dumps(content))
     for header, value in changes.items():
-        how = _HOW.get(header.split()[-1], lambda _, by: by)
-        for key in _keys(header):
+        keys, how = _keys(header), _HOW.get(header.split()[-1], lambda _, by: by)
+        by = in_si(header, value) if _is_by_a_number(header) else value
+        for key in keys:
             change = _moved if key.startswith("place.") else _change
-            found = change(found, key, how, value)
+            found = change(found, key, how, by)
     return found
 
 
@@ -83,8 +84,6 @@ def _change(content: Content, key: str, how: Callable[[Any, Any], Any], by: Any)
         node = node.setdefault(place, {}) if isinstance(node, dict) else node[place]
     place = _place_in(node, last, key)
     old = node.get(place) if isinstance(node, dict) else node[place]
-    if how in _HOW.values() and np.ndim(by):  # several numbers from one, such as a range of payload
-        raise SceneError(None, key, by, "one number, by which all of it is changed")
     try:
         node[place] = how(in_si(key, old), by)
     except TypeError:
@@ -134,8 +133,18 @@ def _moved(content: Content, key: str, how: Callable[[Any, Any], Any], to: Any) 
 def in_si(header: str, value: Any) -> Any:
     """The value of a change, or a list of such, in the SI unit of what its header names: text in
     another unit of it becomes a number, and what is no number stays, shares such as "85 %" too, for
-    it is not known what of. Raises SceneError where its unit is another, or it is too large."""
-    return [_in_si(header, key, value) for key in _keys(header)][-1]
+    it is not known what of. Raises SceneError where its unit is another, or it is too large, or
+    where it is no number by which another one can be changed."""
+    found = [_in_si(header, key, value) for key in _keys(header)][-1]
+    if _is_by_a_number(header) and not isinstance(found, int | float):
+        expected = f"one number in {unit_of(header)}".removesuffix(" in ")
+        raise SceneError(None, header, value, f"{expected}, by which all of it is changed")
+    return found
+
+
+def _is_by_a_number(header: str) -> bool:
+    """Whether a header's values change numbers by a number, or places to one."""
+    return header.split()[-1] in _HOW or any(key in PLACE for key in _keys(header))
 
 
 def unit_of(header: str) -> str:
