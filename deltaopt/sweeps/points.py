@@ -34,8 +34,17 @@ yes or no. ``gap``: how much longer than the optimum it is, estimated. ``seconds
 NUMBERS = [name for name in FACTS if name not in ("limited_by", "verified", "error")]
 """Those of them that are numbers."""
 
+_FIRST = ("point", "inputs", "scene", "robot")
+"""Columns before those of what is changed."""
+
 Changes = Mapping[str, Any]
-"""Of a point: the value of each of its columns."""
+"""Of a point: the value of each header that it changes."""
+
+
+def column_of(header: str) -> str:
+    """The column of what is changed: its header, after the word scene where the table has a column
+    of this name for something else, as for the key ``duration``."""
+    return f"scene.{header}" if header in (*_FIRST, *FACTS) else header
 
 
 @dataclass(frozen=True)
@@ -64,7 +73,8 @@ class Task:
         its base is called, and its values."""
         given = json.dumps([self.base.content, self.changes, self.tolerance], sort_keys=True)
         inputs = sha256(given.encode()).hexdigest()[:12]
-        return {"point": self.index, "inputs": inputs, **self.base.name, **self.changes}
+        changes = {column_of(header): value for header, value in self.changes.items()}
+        return {"point": self.index, "inputs": inputs, **self.base.name, **changes}
 
 
 @dataclass(frozen=True)

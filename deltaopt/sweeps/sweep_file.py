@@ -27,7 +27,7 @@ from deltaopt.files.yaml_file import read_yaml
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.scene_file import content_with_files, load_job, made_of
 from deltaopt.sensitivity.keys import changed, in_si, require_once
-from deltaopt.sweeps.points import NUMBERS, Base, Changes, SweepPoints
+from deltaopt.sweeps.points import NUMBERS, Base, Changes, SweepPoints, column_of
 
 MOST_POINTS = 1_000_000
 _NUMBER = f"a whole number from 1 to {MOST_POINTS}"
@@ -113,7 +113,7 @@ class Sweep(Record):
     def headers(self) -> list[str]:
         """Of the columns of what is changed."""
         parts = (self.grid, *(self.points or ()), self.samples.ranges if self.samples else {})
-        return list(dict.fromkeys(chain(*parts)))
+        return list(dict.fromkeys(map(column_of, chain(*parts))))
 
     def points_from(self, folder: Path) -> SweepPoints:
         """All points; files are relative to a folder. Raises SceneError, also where no value of a

@@ -82,6 +82,17 @@ def test_rows_are_the_same_whatever_plans_them(swept, expected, tmp_path):
     assert rows(tmp_path / "threads.csv") == expected
 
 
+def test_a_key_that_a_fact_has_the_name_of_has_a_column_of_its_own(tmp_path):
+    """A given duration beside that of the plan, which is none where 0.1 s is too short."""
+    gently, file = PICK.parent / "objectives" / "pick_and_place_gently.yaml", tmp_path / "rows.csv"
+    sweep = deltaopt.Sweep(scene=str(gently), grid={"duration": [0.1, 0.3]})
+    for _ in range(2):  # then from the table alone
+        table = deltaopt.sweep(sweep, file, workers=1)
+        assert table.columns.is_unique
+        assert table["scene.duration"].tolist() == [0.1, 0.3]
+        assert table["duration"].tolist() == pytest.approx([float("nan"), 0.3], nan_ok=True)
+
+
 def test_a_stopped_sweep_goes_on_and_plans_nothing_twice(swept, table, expected, tmp_path):
     file, whole = tmp_path / "rows.csv", table.read_bytes()
     lines = whole.splitlines(keepends=True)
