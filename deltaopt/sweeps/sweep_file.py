@@ -22,18 +22,19 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from deltaopt.errors import SceneError, installed
-from deltaopt.files.validated_record import Positive, Record, Text, optional
+from deltaopt.files.validated_record import Number, Record, Text, optional
 from deltaopt.files.yaml_file import read_yaml
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.scene_file import content_with_files, load_job, made_of
 from deltaopt.sensitivity.keys import changed, in_si, require_once
+from deltaopt.settings import TOLERANCES
 from deltaopt.sweeps.points import NUMBERS, Base, Changes, SweepPoints, column_of
 
 MOST_POINTS = 1_000_000
 _NUMBER = f"a whole number from 1 to {MOST_POINTS}"
 _STEPS = f"a whole number, at least 2 and below {MOST_POINTS}"
 _VALUES = "a list of values, or {from, to, steps}"
-_FILES = "the path of a file relative to this one, or a list of them"
+_FILES = "the path of a file relative to this one, or a list of one of them at least"
 _GRID = f"a mapping of keys, such as robot.drive.torque, each to {_VALUES}"
 _METHOD = "sobol or latin_hypercube"
 _RANGES = "a mapping of keys, such as robot.drive.torque, each to {from, to}"
@@ -41,7 +42,10 @@ _POINTS = "a list of mappings of keys to values"
 _SAMPLES = "a mapping with the keys number, ranges, method, seed"
 _COLUMN = "a key of the sweep, or one of " + ", ".join(NUMBERS)
 
-_Files = Text | tuple[Text, ...]
+_TOLERANCE = "a number from {:g} to {:g}".format(*TOLERANCES)
+
+_Files = Text | Annotated[tuple[Text, ...], Field(min_length=1)]
+_Tolerance = Annotated[Number, Field(ge=TOLERANCES[0], le=TOLERANCES[1])]
 
 
 class Samples(Record):
@@ -90,7 +94,7 @@ class Sweep(Record):
     grid: dict[str, Any] = Field(default={}, description=_GRID)
     points: tuple[dict[str, Any], ...] | None = optional(_POINTS, min_length=1)
     samples: Samples | None = optional(_SAMPLES)
-    tolerance: Positive = Field(default=1e-3, description="a number greater than 0")
+    tolerance: _Tolerance = Field(default=1e-3, description=_TOLERANCE)
     column: Text = Field(default="duration", description=_COLUMN)
     pareto: tuple[Text, Text] | None = optional(f"two columns, each {_COLUMN}")
 
@@ -102,10 +106,14 @@ class Sweep(Record):
     def require_consistent(self) -> None:
         for each in self.points or [{}]:
             require_once([*self.grid, *each, *(self.samples.ranges if self.samples else {})])
-        known = {*self.headers, *NUMBERS}
+        changes = chain.from_iterable(self._axes)
+        pairs = chain.from_iterable(each.items() for each in changes)
+        others = {column_of(key) for key, value in pairs if not isinstance(value, int | float)}
+        known = {*self.headers, *NUMBERS} - others
         for key, given in (("column", self.column), *(("pareto", p) for p in self.pareto or ())):
             if given not in known:
-                raise SceneError(None, key, given, f"one of {', '.join(sorted(known))}")
+                expected = f"one of {', '.join(sorted(known))}, columns of numbers"
+                raise SceneError(None, key, given, expected)
         if self.pareto and len(set(self.pareto)) < len(self.pareto):
             raise SceneError(None, "pareto", list(self.pareto), "two columns that differ")
 
@@ -115,6 +123,15 @@ class Sweep(Record):
         parts = (self.grid, *(self.points or ()), self.samples.ranges if self.samples else {})
         return list(dict.fromkeys(map(column_of, chain(*parts))))
 
+    @property
+    def _axes(self) -> list[list[Changes]]:
+        """What is changed by the grid and by points, each with all of the others."""
+        axes: list[list[Changes]]
+        axes = [[{key: value} for value in values] for key, values in self.grid.items()]
+        if self.points:
+            axes.append([{k: in_si(k, v) for k, v in each.items()} for each in self.points])
+        return axes
+
     def points_from(self, folder: Path) -> SweepPoints:
         """All points; files are relative to a folder. Raises SceneError, also where no value of a
         key can be used."""
@@ -123,11 +140,7 @@ class Sweep(Record):
             for scene in ([self.scene] if isinstance(self.scene, str) else self.scene)
             for robot in (self.robot if isinstance(self.robot, tuple) else [self.robot])
         ]
-        axes = [[{key: value} for value in values] for key, values in self.grid.items()]
-        if self.points:
-            axes.append([{k: in_si(k, v) for k, v in each.items()} for each in self.points])
-        if self.samples:
-            axes.append(self.samples.drawn)
+        axes = self._axes + ([self.samples.drawn] if self.samples else [])
         for changes in axes:
             _require_usable(bases, changes)
         return SweepPoints(bases, axes, self.headers, self.tolerance)

@@ -144,6 +144,18 @@ WRONG = [
         "is changed by robot.drive.tor",
     ),
     ("grid: {goal.²: [1]}", "goal.² has no part ²; expected a place in a list of 3"),
+    (
+        "scene: []",
+        r"scene is \[\]; expected the path of a file .* or a list of one of them at least",
+    ),
+    ("robot: []", r"robot is \[\]; expected the path of a file"),
+    ("tolerance: 1e-20", "tolerance is 1e-20; expected a number from 1e-09 to 1"),
+    ("tolerance: 2", "tolerance is 2.0; expected a number from 1e-09 to 1"),
+    (
+        "column: limits.torque\ngrid: {limits.torque: [85 %, 9]}",
+        "column is 'limits.torque'; expected one of duration, .*, columns of numbers",
+    ),
+    ("pareto: [duration, goal]\npoints: [{goal: [0.45, 0.1, 0]}]", "pareto is 'goal'; expected"),
     ("samples: {number: 3}", "samples.ranges is missing; expected a mapping of keys"),
     (
         "samples: {number: 0, ranges: {payload: {from: 1, to: 2}}}",
@@ -172,7 +184,7 @@ WRONG = [
 @pytest.mark.parametrize(("text", "told"), WRONG)
 def test_what_a_sweep_cannot_use_is_told_in_a_sentence(text, told, tmp_path):
     file = tmp_path / "sweep.yaml"
-    file.write_text(SCENE + text + "\n")
+    file.write_text(f"{'' if 'scene' in text else SCENE}{text}\n")
     with pytest.raises(SceneError, match=told) as raised:
         load_sweep(file)
     assert "\n" not in str(raised.value)
