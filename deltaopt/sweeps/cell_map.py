@@ -15,7 +15,7 @@ from deltaopt.robot.robot import load_robot
 from deltaopt.scene.feasibility import are_surely_feasible
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import made_of
-from deltaopt.sensitivity.keys import PLACE, Content, ends_of
+from deltaopt.sensitivity.keys import PLACE, Content, content_of, ends_of
 from deltaopt.sweeps.points import Base, SweepPoints
 from deltaopt.sweeps.sweep_file import Samples, base_of
 
@@ -28,7 +28,7 @@ _USUAL: Content = {
     "approach": {end: {"height": 0.025, "radius": 0.005} for end in ("start", "goal")},
 }
 """The usual test cycle of packaging robots, 25 mm up, 305 mm across, 25 mm down, with 1 kg."""
-_OF_ONE_MOVE = ("cycle", "period", "via", "approach", "path", "tube")
+_OF_ONE_MOVE = ("via", "approach", "path", "tube")
 """Keys of a scene that random moves do not have."""
 _STEPS, _DEPTHS = (3, 9, 9), (0.1, 0.9)
 """How many places there are along each axis, and between which shares of the depths that the middle
@@ -70,11 +70,12 @@ class Cell:
     def moves(
         self, number: int, x: Range = (), y: Range = (), z: Range = (), seed: int = 1
     ) -> SweepPoints:
-        """Random moves between points in a region at which the robot can be at rest.
+        """Random moves between points in a region at which the robot can be at rest; those of a
+        cycle with all that its first leg has, but for its way.
 
         Raises Infeasible if there are hardly any, and MissingPackage without scipy.
         """
-        content = {k: v for k, v in self.base.content.items() if k not in _OF_ONE_MOVE}
+        content = {k: v for k, v in content_of(self._first).items() if k not in _OF_ONE_MOVE}
         content |= {"start": [0.0, 0.0, 0.0], "goal": [1.0, 0.0, 0.0]}
         region = self._region(np.zeros((1, 3)))
         whole = np.array([region.min(axis=0), region.max(axis=0)]).T.tolist()
@@ -93,11 +94,15 @@ class Cell:
         return SweepPoints([Base(self.base.name, self.base.file, content)], [possible], ENDS)
 
     @property
+    def _first(self) -> Scene:
+        """The move, or the first one of the cycle."""
+        found = made_of(self.base.content, self.base.file)
+        return found if isinstance(found, Scene) else found.legs[0]
+
+    @property
     def _scene(self) -> Scene:
         """The robot with its first payload, and nothing in its way."""
-        found = made_of(self.base.content, self.base.file)
-        first = found if isinstance(found, Scene) else found.legs[0]
-        start, goal = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)
+        first, start, goal = self._first, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)
         return Scene(robot=first.robot, payload=first.payload, start=start, goal=goal)
 
     def _region(self, ends: Array) -> Array:

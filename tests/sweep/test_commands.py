@@ -12,6 +12,8 @@ import pytest
 
 import deltaopt
 from deltaopt.cli import main
+from deltaopt.scene.scene_file import made_of
+from deltaopt.sensitivity.keys import changed
 
 ROBOT = "problems/robots/industrial.yaml"
 
@@ -65,6 +67,22 @@ def test_random_moves_begin_and_end_in_their_region(tmp_path, capsys):
     assert duration[1] == pytest.approx(deltaopt.plan(scene).duration, rel=1e-6)
     told = capsys.readouterr().out
     assert f"less than {np.median(duration):.3f} s" in told
+
+
+def test_random_moves_of_a_cycle_are_like_its_first_leg(tmp_path):
+    pytest.importorskip("scipy")
+    file = tmp_path / "cycle.yaml"
+    file.write_text(
+        f"robot: {Path(ROBOT).resolve()}\nstart: [0.85, -0.1, 0]\nperiod: 1 s\n"
+        "limits: {rms_torque: 22 N*m, platform_speed: 5}\ncycle:\n"
+        "  - {goal: [0.85, 0.1, 0], payload: 2, limits: {acceleration: 90}, dwell: 50 ms}\n"
+        "  - {goal: [0.85, -0.1, 0]}\n"
+    )
+    for task in deltaopt.load_cell(file).moves(3, x=(0.7, 0.8)):
+        scene = made_of(changed(task.base.content, task.changes), file)
+        assert [*scene.start, *scene.goal] == [*task.changes.values()]
+        assert scene.payload == 2
+        assert scene.limits == deltaopt.Limits(platform_speed=5, acceleration=90)
 
 
 def test_a_sweep_draws_its_keys_and_the_best_compromises(tmp_path, capsys):
