@@ -18,7 +18,7 @@ from deltaopt.motion.time_scaling import highest_rows, safe_factor
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.journal import Progress
 from deltaopt.planning.path.on_mesh import OnMesh, PathMultipliers
-from deltaopt.planning.path.path_rows import PathRows
+from deltaopt.planning.path.path_rows import PathRows, kept_rows
 from deltaopt.planning.path.path_timing import PathTiming
 from deltaopt.planning.plan import Plan
 from deltaopt.problem.boundary import Boundary
@@ -36,7 +36,9 @@ _ALONG = 1001
 _KEPT = 1e-10
 """Excess up to which a motion that begins or ends at a speed keeps its limits: it must not be
 slowed, for that would change its boundary values."""
-_MOST_MARGINS = 8
+_MOST_MARGINS, _MORE = 30, 1.5
+"""How often cells are looked for in which such a motion exceeds limits, and the factor on what they
+are tightened by there."""
 _SHARES = (0.5, 0.2, 0.05)
 """Of the tolerance: estimated losses at which meshes are not refined further. The rest is for
 tightening and slowing; if that is not enough, all is done again with the next."""
@@ -148,19 +150,21 @@ def _slowed(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, OnMesh
 
 
 def _held(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, OnMesh]:
-    """The fastest motion between given speeds, with all limits tightened until none is exceeded,
-    its gap, and what it is on its mesh.
+    """The fastest motion between given speeds, with limits tightened until none is exceeded, in
+    cells in which it was found to be; its gap, and what it is on its mesh.
 
     Raises NotConverged where that takes too long.
     """
-    margin = 0.0
+    problem, raw = problem_of(scene), timing.refined(_SHARES[0])
+    margins, rows = np.zeros(len(raw.losses)), kept_rows(problem.limits.constraints)
     for _ in range(_MOST_MARGINS):
-        found, loss = timing.fastest(_SHARES[0], margin)
+        found, loss = timing.tightened(raw, margins)
         trajectory = _on_mesh(scene, found)
-        factor = safe_factor(problem_of(scene), trajectory)
-        if factor <= 1 + _KEPT:
+        highest = highest_rows(problem, trajectory)
+        beyond, cells = highest.values[rows] - 1, highest.intervals[rows]
+        if beyond.max() <= _KEPT:
             return trajectory, loss, found
-        margin = max(2 * margin, 4 * (factor - 1))
+        np.maximum.at(margins, cells, margins[cells] + _MORE * np.maximum(beyond, 0.0))
     raise NotConverged("limits are exceeded between points of every mesh", "margin", trajectory)
 
 

@@ -57,20 +57,19 @@ class PathTiming:
     report: Callable[[str], None]
     meshes: int = field(default=0, init=False)
 
-    def fastest(self, share: float, margin: float | None = None) -> tuple[OnMesh, float]:
+    def fastest(self, share: float) -> tuple[OnMesh, float]:
         """The fastest motion, on a mesh whose loss is a ``share`` of the tolerance before limits
-        are tightened, and the relative loss of time that is estimated for it. Where it may be
-        slowed afterwards (``margin`` None) limits may be exceeded between nodes by what costs
-        little; otherwise they are tightened until none is, and all by the ``margin``, a part of
-        them, as well.
+        are tightened, and the relative loss of time that is estimated for it. Limits may be
+        exceeded between nodes by what costs little when it is slowed.
 
         Raises Infeasible where there is none.
         """
-        return self._tightened(self._refined(share * self.tolerance), margin)
+        return self.tightened(self.refined(share))
 
-    def _refined(self, enough: float) -> OnMesh:
-        """The fastest motion on a mesh on which its loss is ``enough``. Raises Infeasible where
-        there is none, or it comes to a standstill."""
+    def refined(self, share: float) -> OnMesh:
+        """The fastest motion on a mesh on which its loss is a ``share`` of the tolerance. Raises
+        Infeasible where there is none, or it comes to a standstill."""
+        enough = share * self.tolerance
         before = earlier = self._first()
         mesh, failures = before.evenly(_EVEN), 0
         for _ in range(_MOST_MOTIONS):
@@ -110,19 +109,21 @@ class PathTiming:
                 obstacle = error
         raise obstacle
 
-    def _tightened(self, found: OnMesh, margin: float | None) -> tuple[OnMesh, float]:
-        """A motion on the same mesh that hardly exceeds its limits between nodes, and its loss.
+    def tightened(self, found: OnMesh, margins: Array | None = None) -> tuple[OnMesh, float]:
+        """A motion on the same mesh that hardly exceeds its limits between nodes, and its loss; or
+        one that keeps them by ``margins``, parts of them in each cell, (N,).
 
         What that costs is the difference of both durations: a limit that is tightened in one cell
         may slow the motion far beyond it.
         """
         raw = found
-        most = _NEGLIGIBLE * self.tolerance if margin is None else 0.0
-        by, before = np.full(found.beyond[:, 0].shape, margin or 0.0), found.motion
+        most = _NEGLIGIBLE * self.tolerance if margins is None else 0.0
+        margin = np.zeros(len(found.losses)) if margins is None else margins
+        by, before = np.tile(margin[:, None], found.beyond.shape[2]), found.motion
         excess = step = np.zeros_like(by)
         tangency, mesh = found.tangency, found.motion.mesh
         for _ in range(_MOST_TIGHTENED):
-            earlier, excess = excess, found.beyond.max(axis=1) + (margin or 0.0)
+            earlier, excess = excess, found.beyond.max(axis=1) + margin[:, None]
             if excess.max() <= most:
                 break
             with np.errstate(divide="ignore", invalid="ignore"):  # by the step's own effect
