@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from deltaopt.errors import SceneError, in_words, inside
+from deltaopt.errors import SceneError, in_words, inside, shown
 from deltaopt.files.units import DURATION, TORQUE
 from deltaopt.files.validated_record import (
     NonNegative,
@@ -104,6 +104,11 @@ class Cycle(Record):
             if self.dwells[index] == FREE and self.on_belts:
                 expected = "a duration in a cycle with a belt, which does not wait"
                 raise SceneError(None, f"{key}.dwell", FREE, expected)
+            robots = (each.robot for each in (scene, self.legs[0]))
+            bare, others = (robot.model_copy(update={"tool": None}) for robot in robots)
+            if bare != others:
+                expected = f"that of the first leg, {shown(others.name)}, with the same values"
+                raise SceneError(None, f"{key}.robot", bare.name, expected)
             offset, first = scene.robot.tool_offset, self.legs[0].robot.tool_offset
             if offset != first:
                 expected = f"{list(first)}, that of the first leg: it does not jump between legs"

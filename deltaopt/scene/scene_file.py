@@ -34,6 +34,7 @@ _OTHER_FILES = {
     "scene": ("sweep", "deltaopt sweep takes this one"),
 }
 """By a key that files of other kinds have: which kind, and what it is for."""
+_OF_CYCLES = "none in a leg, which has the robot of all legs, and starts where the one before ends"
 
 
 def load_scene(path: str | Path) -> Scene:
@@ -121,6 +122,9 @@ def _cycle(file: Path, content: dict[str, object]) -> Cycle:
             raise SceneError(None, "cycle", given, EXPECTED_LEGS, problem)
         if "goal" in content:
             raise SceneError(None, "goal", content["goal"], "none: each leg of a cycle has its own")
+        for index, leg in enumerate(given):
+            for key in sorted({"robot", "start"} & set(leg)):
+                raise SceneError(None, f"cycle[{index}].{key}", leg[key], _OF_CYCLES)
     if isinstance(start, dict) and "belt" in start:  # that of the last leg's next part
         start = {{"belt": "velocity"}.get(key, key): each for key, each in start.items()}
     fields: dict[str, object] = {"period": period}

@@ -60,6 +60,8 @@ def test_what_stands_beside_the_legs_is_for_all_and_bodies_and_limits_add_up(tmp
             r"cycle\[0\].limits.rms_torque is 10.*none of a single motion or a leg",
         ),
         ("payload: 1.0", "tool: {offset: [0, 40 mm, 0]}", r"cycle\[1\].tool.offset is .*0.04"),
+        ("payload: 1.0", "robot: other.yaml", r"cycle\[0\].robot is 'other.yaml'; expected none"),
+        ("payload: 1.0", "start: home", r"cycle\[0\].start is 'home'; expected none in"),
         ("start:", "period: 0 s\nstart:", "period is '0 s'; expected a duration"),
         ("start: [0.85, -0.1525, 0.0]", "", "start is missing"),
         ("start:", "objective: effort\nduration: 1\nstart:", "objective is .* least period"),

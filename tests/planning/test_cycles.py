@@ -207,6 +207,8 @@ def test_what_cannot_be_is_said():
         back = Scene(robot=INDUSTRIAL, start=THERE, goal=HERE, path=Line(speeds=others))
         with pytest.raises(SceneError, match=r"cycle\[.\]\.path\.speeds is .* begin and end at"):
             Cycle(legs=(ends_fast, back))
+    with pytest.raises(SceneError, match=r"cycle\[1\]\.robot is 'A Delta of the .*; expected that"):
+        Cycle(legs=(cycle().legs[0], cycle(HORNET).legs[1]))
     with pytest.raises(SceneError, match="a cycle ends where it begins"):
         Cycle(legs=(path, Scene(robot=INDUSTRIAL, start=THERE, goal=LIGHT[0])))
 
