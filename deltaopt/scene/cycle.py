@@ -221,5 +221,5 @@ def there_and_back(scene: Scene) -> Cycle:
 def start_after(goal: End) -> Start | None:
     """Where the leg after a goal starts, if the robot does not wait; None after a stop anywhere."""
     if isinstance(goal, Belt):
-        return goal.at if goal.belt == REST else State(at=goal.at, velocity=goal.belt)
+        return State(at=goal.at, velocity=goal.belt)
     return None if isinstance(goal, Anywhere) else goal

@@ -107,10 +107,17 @@ def goal_in(content: Any) -> Any:
     return kind.model_validate(dict(content))
 
 
+def _end_in(content: Any) -> Any:
+    """What a scene has for an end: a state at rest, or a point on a belt at rest, is a point."""
+    found = goal_in(content)
+    return found.at if isinstance(found, State | Belt) and found.end.is_at_rest else found
+
+
 def _start_in(content: Any) -> Any:
-    if isinstance(content, Mapping) and "belt" in content:
-        raise SceneError(None, "belt", content["belt"], "a belt at the goal alone")
-    return goal_in(content)
+    found = _end_in(content)
+    if isinstance(found, Belt):
+        raise SceneError(None, "belt", list(found.belt), "a belt at the goal alone")
+    return found
 
 
 def content_of_end(given: Any) -> object:
@@ -123,7 +130,7 @@ def content_of_end(given: Any) -> object:
 
 _AS_IN_FILES = PlainSerializer(content_of_end)
 Start = Annotated[Point | State, BeforeValidator(_start_in), _AS_IN_FILES]
-End = Annotated[Point | State | Belt | Anywhere, BeforeValidator(goal_in), _AS_IN_FILES]
+End = Annotated[Point | State | Belt | Anywhere, BeforeValidator(_end_in), _AS_IN_FILES]
 
 
 def end_of(given: End) -> Boundary:

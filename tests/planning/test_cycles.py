@@ -370,6 +370,15 @@ def test_legs_that_end_moving_and_hardly_keep_their_limits_are_planned():
     assert max(found.rms_torque) <= 24.0 + 1e-9
 
 
+@pytest.mark.parametrize("key", ["velocity", "belt"])
+def test_what_moves_at_a_velocity_of_0_rests(key):
+    """A dwell there was one on a belt, which was not verified, or one at a goal that is passed."""
+    there = {"at": THERE, key: [0, 0, 0]}
+    legs = [Scene(robot=INDUSTRIAL, start=a, goal=b) for a, b in ((HERE, there), (there, HERE))]
+    assert legs[0].goal == legs[1].start == THERE
+    assert verified(plan_cycle(Cycle(legs=legs, dwells=(0.05, 0.0)))).ok
+
+
 def test_what_rules_a_leg_out_has_its_number():
     onto, off = belt_cycle()[0].legs
     with pytest.raises(Infeasible, match="leg 2: start: the platform cannot be at"):
