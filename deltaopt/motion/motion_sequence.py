@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.trajectory import Motion, Trajectory
+from deltaopt.problem.boundary import REST
 from deltaopt.robot.machine import Model
 
 _COLUMNS = tuple(each.name for each in fields(Motion) if each.name not in ("t", "under_way"))
@@ -61,7 +62,6 @@ class MotionSequence:
 def waiting(model: Model, at: Vector3, velocity: Vector3, duration: float) -> Trajectory:
     """A wait of ``duration`` (s) at a point in m, which moves on at a ``velocity`` (m/s) as a belt
     does, with the payload of a model."""
-    v = np.array([velocity, velocity])
-    x = np.array([at, np.add(at, np.multiply(duration, velocity))])
-    position = PiecewisePolynomial.hermite(np.array([0.0, duration]), x, v)
+    coefficients = np.array([[at, velocity, REST, REST]])  # exactly so, however short
+    position = PiecewisePolynomial(np.array([0.0, duration]), coefficients)
     return Trajectory(position, model, end_velocities=(velocity, velocity))

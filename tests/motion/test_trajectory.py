@@ -8,6 +8,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
+from deltaopt.motion.motion_sequence import waiting
 from deltaopt.motion.trajectory import Motion
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.scene.scene_file import load_scene
@@ -87,3 +88,14 @@ def test_trajectories_are_equal_bit_by_bit():
     assert again.position == LINE.position
     assert other != LINE
     assert other.position != LINE.position
+
+
+@pytest.mark.parametrize("velocity", [1e-20, 0.3])
+@pytest.mark.parametrize("duration", [1e-12, 1e-7, 1.0])
+def test_a_wait_has_no_acceleration_however_short(duration, velocity):
+    """By a cubic through both ends it had one of rounding, over the square of its duration."""
+    wait = waiting(LINE.model, SCENE.start, (0.0, velocity, 0.0), duration)
+    motion = wait([0.0, duration / 2, duration])
+    assert not motion.a.any()
+    assert (motion.v == (0.0, velocity, 0.0)).all()
+    assert motion.x[-1, 1] == SCENE.start[1] + duration * velocity
