@@ -170,8 +170,6 @@ class Record(BaseModel, metaclass=_Listed):
         """A value of a field as the record would have it."""
         if key not in type(self).model_fields:
             raise SceneError(None, key, value, self._nearest(key), "is not a known key")
-        if isinstance(value, Record) and type(value) is type(getattr(self, key)):
-            return value  # validated when it was made
         return self._valid(key, value)
 
     @classmethod

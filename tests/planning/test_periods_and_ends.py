@@ -1,0 +1,24 @@
+"""Cycles: what legs that are passed, rest or follow paths make of dwells and periods."""
+
+from __future__ import annotations
+
+import pytest
+
+from deltaopt import Cycle, Scene, State, plan_cycle
+from deltaopt.output.cycle_files import verified
+from tests.planning.test_cycles import HERE, INDUSTRIAL, THERE
+
+
+@pytest.mark.parametrize("key", ["velocity", "belt"])
+def test_what_moves_at_a_velocity_of_0_rests(key):
+    """A dwell there was one on a belt, which was not verified, or one at a goal that is passed."""
+    there = {"at": THERE, key: [0, 0, 0]}
+    legs = [Scene(robot=INDUSTRIAL, start=a, goal=b) for a, b in ((HERE, there), (there, HERE))]
+    assert legs[0].goal == legs[1].start == THERE
+    assert verified(plan_cycle(Cycle(legs=legs, dwells=(0.05, 0.0)))).ok
+
+
+def test_a_copy_is_read_as_a_scene_is():
+    moving = State(at=THERE, velocity=(0.0, 0.5, 0.0))
+    scene = Scene(robot=INDUSTRIAL, start=HERE, goal=moving)
+    assert scene.model_copy(update={"goal": State(at=THERE)}).goal == THERE
