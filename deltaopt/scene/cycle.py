@@ -97,8 +97,7 @@ class Cycle(Record):
                 raise SceneError(None, "objective", str(scene.objective), expected)
             if scene.least_duration:
                 raise SceneError(None, "rotation", None, "none in a cycle", "is given")
-            is_passed = isinstance(scene.goal, State) and not scene.goal.end.is_at_rest
-            if is_passed and self.dwells[index]:
+            if isinstance(scene.goal, State) and self.dwells[index]:
                 expected = "0 where the goal is passed in motion"
                 raise SceneError(None, f"{key}.dwell", self.dwells[index], expected)
             if self.dwells[index] == FREE and self.on_belts:
@@ -122,8 +121,14 @@ class Cycle(Record):
                     None, last, content_of_end(before), CLOSED if index == 0 else THERE
                 )
             self._require_speeds_of_paths(index)
-        if isinstance(self.legs[-1].goal, Belt) and self.period is not None:
+        if self.period is None:
+            return
+        if isinstance(self.legs[-1].goal, Belt):
             expected = "none in a cycle that starts on a belt: parts follow when it is over"
+            raise SceneError(None, "period", self.period, expected)
+        if isinstance(self.legs[-1].goal, State) and FREE not in self.dwells:
+            passed = f"cycle[{len(self.legs) - 1}].goal is passed in motion"
+            expected = f"none, or a dwell that is {FREE} after a leg that ends at rest: {passed}"
             raise SceneError(None, "period", self.period, expected)
 
     def _require_speeds_of_paths(self, index: int) -> None:

@@ -4,9 +4,20 @@ from __future__ import annotations
 
 import pytest
 
-from deltaopt import Cycle, Scene, State, plan_cycle
+from deltaopt import Cycle, Scene, SceneError, State, plan_cycle
 from deltaopt.output.cycle_files import verified
 from tests.planning.test_cycles import HERE, INDUSTRIAL, THERE
+
+
+def test_a_period_needs_a_place_to_wait_at():
+    """The robot was to wait at a goal that it passes in motion."""
+    passed = State(at=HERE, velocity=(0.0, 0.5, 0.5))
+    around = ((passed, THERE), (THERE, passed))
+    legs = [Scene(robot=INDUSTRIAL, start=start, goal=goal) for start, goal in around]
+    with pytest.raises(SceneError, match=r"period is 1\.0; .*cycle\[1\]\.goal is passed in motion"):
+        Cycle(legs=legs, period=1.0)
+    waiting = Cycle(legs=legs, dwells=("free", 0.0), period=1.0)
+    assert waiting.free_dwells == (0,)
 
 
 @pytest.mark.parametrize("key", ["velocity", "belt"])
