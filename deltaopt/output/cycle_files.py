@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +63,7 @@ def content_of_cycle(plan: CyclePlan, verification: CycleVerification) -> dict[s
         "format": FORMAT,
         "period": plan.period,
         "parts_per_minute": plan.parts_per_minute,
-        "gap": plan.gap,
+        "gap": plan.gap if isfinite(plan.gap) else None,
         "tolerance": plan.tolerance,
         "rms_torque": verification.rms_torque,
         "rms_limits": verification.rms_limits,
@@ -190,7 +191,8 @@ def told_of_cycle(plan: CyclePlan, verification: CycleVerification) -> Iterator[
     yield headline_of_cycle(plan)
     what = "dearer than the least heat" if plan.cycle.period else "longer than the shortest period"
     missed = "" if plan.within_tolerance else f", not the {percent(plan.tolerance)} asked for"
-    yield f"at most {percent(plan.gap)} {what} near it (estimated){missed}"
+    how_near = f"at most {percent(plan.gap)} {what} near it (estimated){missed}"
+    yield how_near if isfinite(plan.gap) else f"how much {what} it is, is not known"
     legs = "; ".join(_leg(plan, index, each) for index, each in enumerate(_legs(plan)))
     yield f"legs: {legs}"
     limits, saved = verification.rms_limits, sum(_saved(plan)) / 10

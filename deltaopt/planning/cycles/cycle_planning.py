@@ -64,10 +64,10 @@ def plan_cycle(
 ) -> CyclePlan:
     """Plan the cycle of least period, or of least heat in a given period.
 
-    ``tolerance``: relative gap to reach, at least 1e-9. ``progress``: is called with a line of text
-    after every round. Raises what rules a leg out, and Infeasible where neither a speed nor a
-    wait keeps the motors cool, a period is too short, or a dwell on a belt leads where the robot
-    cannot be.
+    ``tolerance``: relative gap to reach, at least 1e-9; in a given period the gap is infinite where
+    a leg is on a path without a tube. ``progress``: is called with a line of text after every
+    round. Raises what rules a leg out, and Infeasible where neither a speed nor a wait keeps the
+    motors cool, a period is too short, or a dwell on a belt leads where the robot cannot be.
 
     Examples:
         >>> cycle = deltaopt.load_cycle("problems/cycles/there_and_back.yaml")
@@ -90,8 +90,13 @@ def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePla
         _require_rides(fastest)
         least = sought.bound([Round(np.zeros(3), fastest)], [])
         return replace(fastest, gap=_above(fastest.period, least))
+    kept = sought.slowed(fastest)
+    on_paths = any(leg.follows_path for leg in cycle.legs)
+    if on_paths and kept is not None and cycle.period is not None:
+        _require_rides(kept)
+        return kept  # without prices nothing bounds its heat
     _require_priced(fastest)
-    near, best, gaps = sought.slowed(fastest) or fastest, None, list[float]()
+    near, best, gaps = kept or fastest, None, list[float]()
     prices, shortest = sought.first(fastest), None
     if cycle.period is not None and not sought.is_kept(fastest):
         free = PricedLegs(cycle.model_copy(update={"period": None}), tolerance)
@@ -203,9 +208,9 @@ def _require_priced(fastest: CyclePlan) -> None:
             f"{fastest.at_work:.6g} s"
         )
     for index, scene in enumerate(fastest.cycle.legs):
-        if scene.follows_path:
+        if scene.follows_path and scene.path is not None:
             expected = "a tube beside it, for motors would run too hot at full speed"
-            raise SceneError(None, f"cycle[{index}].path", str(scene.path), expected)
+            raise SceneError(None, f"cycle[{index}].path", scene.path.description, expected)
 
 
 def _require_long_enough(cycle: Cycle, shortest: CyclePlan, gap: float) -> None:
