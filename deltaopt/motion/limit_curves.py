@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Truths
 from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.limit import Limit
 from deltaopt.limits.scene_limits import SceneLimits
@@ -104,6 +104,12 @@ class LimitShares:
     def named(self) -> list[tuple[str, str]]:
         """Limit and subject of each column, such as ("torque", "motor 2")."""
         return [self._limits.constraints.named(row) for row, _ in self._columns]
+
+    @property
+    def of_speed(self) -> Truths:
+        """Which columns slowing the motion changes: all but those of places, (columns,)."""
+        exponents = self._limits.constraints.slowing_exponents
+        return np.array([exponents[row] != 0 for row, _ in self._columns])
 
     def __call__(self, x: Array, v: Array, a: Array) -> Array:
         """The shares, (N, columns), of a motion of the tool's point, (N, 3) each."""

@@ -28,7 +28,8 @@ KEPT = 1.0 + 1e-9
 """Largest share of a limit that a table may ask for and keep it: rounding of its interpolation."""
 _SLOWED_TO = 1.0 - 1e-7
 """Largest share where a motion is slowed for a table: another program's interpolation of the rows,
-as that of ``foreign_table``, differs by a tenth of that, and is to keep the limits too."""
+as that of ``foreign_table``, differs by a tenth of that, and is to keep the limits too. Of a limit
+of places, which is used up to the last digit at any speed, no such room is left."""
 _SAME_ACCELERATION = 1e-9
 """Share of the largest acceleration below which one does not jump at a knot: rounding."""
 _MORE_ROWS = (2, 4, 8)
@@ -176,12 +177,14 @@ class Rows:
 
 @dataclass(frozen=True)
 class Demand:
-    """What a table asks for most: a ``share`` of a limit, by name and subject, at a time t, s."""
+    """What a table asks for most: a ``share`` of a limit, by name and subject, at a time t, s; and
+    the largest share ``of_speed``, of a limit that is not one of places."""
 
     share: float
     limit: str
     subject: str
     t: float
+    of_speed: float
 
     @property
     def kept(self) -> bool:
@@ -243,7 +246,7 @@ def table_within_limits(
     least, most = trajectory.duration, KEPT
     for _ in range(_MOST_SLOWINGS):
         found = checked_table(scene, trajectory, rows, interpolation, least)
-        if found.demand.share <= most:
+        if found.demand.kept and found.demand.of_speed <= most:
             return found
         if rows.begins is not None and found.demand.t <= found.table.t[0]:
             cure = "slowing does not cure that: rows at own knots or cubic interpolation do"
@@ -269,7 +272,8 @@ def demand_of(scene: Scene, angles: PiecewisePolynomial) -> Demand:
     worst = first_highest(highest.values)
     piece = int(highest.intervals[worst])
     t = float(angles.knots[piece] + highest.fractions[worst] * lengths[piece])
-    return Demand(float(highest.values[worst]), *limits.named[worst], t)
+    of_speed = float(highest.values[limits.of_speed].max(initial=0.0))
+    return Demand(float(highest.values[worst]), *limits.named[worst], t, of_speed)
 
 
 def platform_motion(

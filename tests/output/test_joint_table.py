@@ -123,3 +123,15 @@ def test_what_slowing_cannot_cure_is_said(trajectory, monkeypatch):
     monkeypatch.setattr("deltaopt.output.joint_table._MOST_SLOWINGS", 5)
     with pytest.raises(Infeasible, match=r"torque of motor \d is exceeded however slow"):
         table_within_limits(weak, trajectory, Rows(4e-3), CUBIC)
+
+
+def test_a_limit_of_places_that_is_used_up_keeps_no_table_from_others(trajectory):
+    """The goal is on the rim of the workspace, of which slowing leaves no room."""
+    workspace = {"depth": [0.3, 0.5], "radius": SCENE.goal[1]}
+    robot = SCENE.robot.model_copy(update={"workspace": workspace})
+    rim = SCENE.model_copy(update={"robot": robot})
+    found = table_within_limits(rim, trajectory, Rows(), CUBIC)
+    assert found.demand.limit == "workspace radius"
+    assert found.demand.kept
+    assert found.demand.share == pytest.approx(1.0, abs=1e-9)
+    assert found.slowed == table_within_limits(SCENE, trajectory, Rows(), CUBIC).slowed
