@@ -149,7 +149,7 @@ _UNASKED = 1e-3
 """Share by which a motion is slowed without being asked, so that it keeps its limits: as much as a
 plan may be longer than the optimum by default."""
 _LATE = (
-    "an end moves, and slowed the motion meets it too late and too slowly: plan with tighter "
+    "an end moves, and slowed the motion meets it too late or too slowly: plan with tighter "
     "limits instead"
 )
 
@@ -247,11 +247,16 @@ def _controllers_table(arguments: argparse.Namespace) -> tuple[JointTable, Robot
     """The table of a saved plan or cycle in its controller's angles, with remarks on what is wrong,
     after saying what it asks for; and the robot. Raises BeyondLimits."""
     tables, how = list[JointTable](), INTERPOLATIONS[arguments.controller]
-    legs = load_legs(arguments.plan)
+    legs, is_late = load_legs(arguments.plan), False
+    in_time = not all(plan.scene.task.is_at_rest for _, plan, _ in legs)
     for folder, plan, wait in legs:
         if len(legs) > 1:
             print(f"{folder.name}:")
-        tables.append(_checked(plan, folder, arguments, _rows_after(tables, arguments)))
+        tables.append(_checked(plan, folder, arguments, _rows_after(tables, arguments), in_time))
+        is_late = is_late or tables[-1].duration > plan.duration * (1 + 1e-12)
+        if is_late and not plan.scene.task.is_at_rest:
+            print(_LATE)
+            tables[-1] = replace(tables[-1], remarks=(*tables[-1].remarks, _LATE))
         if wait is not None:
             found = checked_table(plan.scene, wait, _rows_after(tables, arguments), how)
             if not (found.demand.kept or arguments.anyway):
@@ -273,31 +278,30 @@ def _rows_after(tables: list[JointTable], arguments: argparse.Namespace) -> Rows
     return replace(rows, begins=tuple(tables[-1].ddtheta[-1].tolist()))
 
 
-def _checked(plan: SavedPlan, file: Path, arguments: argparse.Namespace, rows: Rows) -> JointTable:
+def _checked(
+    plan: SavedPlan, file: Path, arguments: argparse.Namespace, rows: Rows, in_time: bool
+) -> JointTable:
     """The table of a saved plan with remarks on what is wrong, after saying what it asks for.
+    ``in_time``: whether it, or another leg of its cycle, is to meet an end that moves.
     Raises BeyondLimits."""
-    trajectory, remarks = _verified(plan, file, arguments)
+    trajectory, remarks = _verified(plan, file, arguments, in_time)
     given = plan.scene, trajectory, rows, INTERPOLATIONS[arguments.controller]
     found = checked_table(*given)
     if not (found.demand.kept or arguments.anyway):
-        kept = table_within_limits(*given)
-        if not _may_slow(plan, arguments, kept.slowed / found.slowed - 1):
-            raise _refusal(found.sentence, _remedies(plan.scene, trajectory, kept))
+        kept = table_within_limits(*given, in_time)
+        if not _may_slow(in_time, arguments, kept.slowed / found.slowed - 1):
+            raise _refusal(found.sentence, _remedies(plan.scene, trajectory, kept, in_time))
         found = kept
-    duration = float(found.table.t[-1] - found.table.t[0])
-    slowed = duration / plan.duration
+    duration, slowed = found.table.duration, found.table.duration / plan.duration
     print(f"{len(found.table.t)} rows, {duration:.6g} s, {slowed:.6g} times the plan's duration")
     print(found.sentence)
     if not found.demand.kept:
         remarks.append(found.sentence)
-    if not plan.scene.task.is_at_rest and abs(slowed - 1) > 1e-12:
-        print(_LATE)
-        remarks.append(_LATE)
     return replace(found.table, remarks=tuple(remarks))
 
 
 def _verified(
-    plan: SavedPlan, file: Path, arguments: argparse.Namespace
+    plan: SavedPlan, file: Path, arguments: argparse.Namespace, in_time: bool = False
 ) -> tuple[Trajectory, list[str]]:
     """The motion of a saved plan so many times as slow as is asked for, and what is wrong with it:
     of what slowing cures only with --anyway. Raises BeyondLimits."""
@@ -309,18 +313,18 @@ def _verified(
         cured = found.safe_duration if beyond <= set(found.excesses) and not edited else None
         needed = (cured or inf) / plan.duration
     if needed > slower and not arguments.anyway:
-        if not _may_slow(plan, arguments, needed / slower - 1):
+        in_time = in_time or not plan.scene.task.is_at_rest
+        if not _may_slow(in_time, arguments, needed / slower - 1):
             price = [f"--keep-limits ({percent(needed - 1)} slower)"]
             raise _refusal(f"{file}: {'; '.join(remarks)}", price if isfinite(needed) else [])
         slower = needed
     return plan.trajectory.slowed(slower), remarks if needed > slower else []
 
 
-def _may_slow(plan: SavedPlan, arguments: argparse.Namespace, extra: float) -> bool:
-    """Whether a motion may be slowed by a share ``extra``, more than 0, to keep its limits: not
-    unasked by more than ``_UNASKED``, nor at all where an end moves."""
-    unasked = _UNASKED if plan.scene.task.is_at_rest else 0.0
-    return isfinite(extra) and (arguments.keep_limits or extra <= unasked)
+def _may_slow(in_time: bool, arguments: argparse.Namespace, extra: float) -> bool:
+    """Whether a motion may be slowed by a share ``extra`` to keep its limits: not unasked by more
+    than ``_UNASKED``, nor at all where it is to be ``in_time``."""
+    return isfinite(extra) and (arguments.keep_limits or extra <= (0.0 if in_time else _UNASKED))
 
 
 def _refusal(asks: str, remedies: list[str]) -> BeyondLimits:
@@ -329,11 +333,11 @@ def _refusal(asks: str, remedies: list[str]) -> BeyondLimits:
     return BeyondLimits(f"{asks}; nothing is written{advice}; {insist}")
 
 
-def _remedies(scene: Scene, trajectory: Trajectory, kept: CheckedTable) -> list[str]:
+def _remedies(scene: Scene, trajectory: Trajectory, kept: CheckedTable, in_time: bool) -> list[str]:
     """Tables that keep the limits and cost no more than ``kept``, with their prices."""
     of_plc = kept.interpolation.name == "cam"
     tried = [
-        if_possible((Infeasible,), table_within_limits, scene, trajectory, rows, how)
+        if_possible((Infeasible,), table_within_limits, scene, trajectory, rows, how, in_time)
         for rows in dict.fromkeys((Rows(), kept.rows))
         for how in INTERPOLATIONS.values()
         if (how.name == "cam") == of_plc
@@ -345,4 +349,4 @@ def _remedies(scene: Scene, trajectory: Trajectory, kept: CheckedTable) -> list[
         + f"--cycle {each.rows.name} --keep-limits "
         f"({len(each.table.t)} rows, {percent(each.slowed - 1)} slower)"
         for each in found
-    ] + ([] if scene.task.is_at_rest else [_LATE])
+    ] + [_LATE] * in_time

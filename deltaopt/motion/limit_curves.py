@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction
-from deltaopt.curves.piecewise import Array, Truths
+from deltaopt.curves.piecewise import Array
 from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.limit import Limit
 from deltaopt.limits.scene_limits import SceneLimits
@@ -84,7 +84,8 @@ class LimitShares:
     """Every quantity that a scene limits, as a share of its bound: 1 at the bound.
 
     A bound that a quantity may be on either side of, as one of a range, is 1 too, and the share
-    falls by the distance from it over the quantity's natural size.
+    falls by the distance from it over the quantity's natural size. ``of_speed``: which of them
+    slowing changes, (columns,): all but those of places.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -99,17 +100,12 @@ class LimitShares:
             for row in range(rows.start, rows.stop)
             if limit.promised and of.sides[row, side]
         ]
+        self.of_speed = np.array([of.slowing_exponents[row] != 0 for row, _ in self._columns])
 
     @property
     def named(self) -> list[tuple[str, str]]:
         """Limit and subject of each column, such as ("torque", "motor 2")."""
         return [self._limits.constraints.named(row) for row, _ in self._columns]
-
-    @property
-    def of_speed(self) -> Truths:
-        """Which columns slowing the motion changes: all but those of places, (columns,)."""
-        exponents = self._limits.constraints.slowing_exponents
-        return np.array([exponents[row] != 0 for row, _ in self._columns])
 
     def __call__(self, x: Array, v: Array, a: Array) -> Array:
         """The shares, (N, columns), of a motion of the tool's point, (N, 3) each."""

@@ -105,6 +105,11 @@ class JointTable:
         motion = trajectory(times)
         return cls(times, motion.theta, motion.dtheta, motion.ddtheta)
 
+    @property
+    def duration(self) -> float:
+        """From the first row to the last, s."""
+        return float(self.t[-1] - self.t[0])
+
     def rows(self, which: Array) -> JointTable:
         """Some of the rows, by a mask or indices."""
         return JointTable(self.t[which], self.theta[which], self.dtheta[which], self.ddtheta[which])
@@ -229,15 +234,15 @@ def checked_table(
 
 
 def table_within_limits(
-    scene: Scene, trajectory: Trajectory, rows: Rows, interpolation: Interpolation
+    scene: Scene, trajectory: Trajectory, rows: Rows, interpolation: Interpolation, in_time: bool
 ) -> CheckedTable:
     """The table of a motion whose interpolation keeps every limit: with more rows between knots
-    where an end moves, otherwise slowed until it does.
+    where an end moves or it is to be ``in_time``, otherwise slowed until it does.
 
     Torques of acceleration fall with the square of the factor, so that its root is the next guess.
     Raises Infeasible where slowing does not help, as where it ``begins`` with too much.
     """
-    if rows.cycle is None and not scene.task.is_at_rest:  # slowed it would move too slowly there
+    if rows.cycle is None and (in_time or not scene.task.is_at_rest):  # slowed it is not
         for parts in _MORE_ROWS:
             own = replace(rows, parts=parts)
             found = checked_table(scene, trajectory, own, interpolation)

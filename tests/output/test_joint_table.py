@@ -77,7 +77,7 @@ def test_quintic_pieces_at_own_knots_are_the_plan(trajectory):
 @pytest.mark.parametrize("interpolation", [CUBIC, QUINTIC], ids=lambda i: i.name)
 @pytest.mark.parametrize("rows", [Rows(), Rows(2e-3)], ids=["own knots", "2 ms"])
 def test_tables_that_keep_limits(trajectory, rows, interpolation):
-    found = table_within_limits(SCENE, trajectory, rows, interpolation)
+    found = table_within_limits(SCENE, trajectory, rows, interpolation, in_time=False)
     assert found.demand.share <= 1 + 1e-9
     assert found.slowed >= 1
     again = demand_of(SCENE, interpolation.pieces(found.table))
@@ -122,7 +122,7 @@ def test_what_slowing_cannot_cure_is_said(trajectory, monkeypatch):
     weak = SCENE.model_copy(update={"robot": robot, "limits": None})
     monkeypatch.setattr("deltaopt.output.joint_table._MOST_SLOWINGS", 5)
     with pytest.raises(Infeasible, match=r"torque of motor \d is exceeded however slow"):
-        table_within_limits(weak, trajectory, Rows(4e-3), CUBIC)
+        table_within_limits(weak, trajectory, Rows(4e-3), CUBIC, in_time=False)
 
 
 def test_a_limit_of_places_that_is_used_up_keeps_no_table_from_others(trajectory):
@@ -130,8 +130,10 @@ def test_a_limit_of_places_that_is_used_up_keeps_no_table_from_others(trajectory
     workspace = {"depth": [0.3, 0.5], "radius": SCENE.goal[1]}
     robot = SCENE.robot.model_copy(update={"workspace": workspace})
     rim = SCENE.model_copy(update={"robot": robot})
-    found = table_within_limits(rim, trajectory, Rows(), CUBIC)
+    found = table_within_limits(rim, trajectory, Rows(), CUBIC, in_time=False)
     assert found.demand.limit == "workspace radius"
     assert found.demand.kept
     assert found.demand.share == pytest.approx(1.0, abs=1e-9)
-    assert found.slowed == table_within_limits(SCENE, trajectory, Rows(), CUBIC).slowed
+    assert (
+        found.slowed == table_within_limits(SCENE, trajectory, Rows(), CUBIC, in_time=False).slowed
+    )
