@@ -97,21 +97,21 @@ class Cycle(Record):
                 raise SceneError(None, "objective", str(scene.objective), expected)
             if scene.least_duration:
                 raise SceneError(None, "rotation", None, "none in a cycle", "is given")
-            if isinstance(scene.goal, State) and self.dwells[index]:
+            is_passed = isinstance(scene.goal, State)
+            if is_passed and self.dwells[index]:
                 expected = "0 where the goal is passed in motion"
                 raise SceneError(None, f"{key}.dwell", self.dwells[index], expected)
             if self.dwells[index] == FREE and self.on_belts:
                 expected = "a duration in a cycle with a belt, which does not wait"
                 raise SceneError(None, f"{key}.dwell", FREE, expected)
-            robots = (each.robot for each in (scene, self.legs[0]))
-            bare, others = (robot.model_copy(update={"tool": None}) for robot in robots)
-            if bare != others:
-                expected = f"that of the first leg, {shown(others.name)}, with the same values"
-                raise SceneError(None, f"{key}.robot", bare.name, expected)
-            offset, first = scene.robot.tool_offset, self.legs[0].robot.tool_offset
-            if offset != first:
-                expected = f"{list(first)}, that of the first leg: it does not jump between legs"
-                raise SceneError(None, f"{key}.tool.offset", list(offset), expected)
+            robot, first = scene.robot, self.legs[0].robot
+            if robot.model_copy(update={"tool": first.tool}) != first:
+                expected = f"that of the first leg, {shown(first.name)}, with the same values"
+                raise SceneError(None, f"{key}.robot", robot.name, expected)
+            offset, same = list(robot.tool_offset), list(first.tool_offset)
+            if offset != same:
+                expected = f"{same}, that of the first leg: it does not jump between legs"
+                raise SceneError(None, f"{key}.tool.offset", offset, expected)
             before = self.legs[index - 1].goal
             if isinstance(before, Belt) and index == 0:
                 before = start_after(before) or before
@@ -121,14 +121,11 @@ class Cycle(Record):
                     None, last, content_of_end(before), CLOSED if index == 0 else THERE
                 )
             self._require_speeds_of_paths(index)
-        if self.period is None:
-            return
-        if isinstance(self.legs[-1].goal, Belt):
+        if isinstance(self.legs[-1].goal, Belt) and self.period is not None:
             expected = "none in a cycle that starts on a belt: parts follow when it is over"
             raise SceneError(None, "period", self.period, expected)
-        if isinstance(self.legs[-1].goal, State) and FREE not in self.dwells:
-            passed = f"cycle[{len(self.legs) - 1}].goal is passed in motion"
-            expected = f"none, or a dwell that is {FREE} after a leg that ends at rest: {passed}"
+        if is_passed and self.period is not None and FREE not in self.dwells:
+            expected = f"none, or a dwell that is {FREE} elsewhere: {key}.goal is passed in motion"
             raise SceneError(None, "period", self.period, expected)
 
     def _require_speeds_of_paths(self, index: int) -> None:

@@ -91,8 +91,7 @@ def _planned(sought: PricedLegs, fastest: CyclePlan, tell: Progress) -> CyclePla
         least = sought.bound([Round(np.zeros(3), fastest)], [])
         return replace(fastest, gap=_above(fastest.period, least))
     kept = sought.slowed(fastest)
-    on_paths = any(leg.follows_path for leg in cycle.legs)
-    if on_paths and kept is not None and cycle.period is not None:
+    if kept and cycle.period and any(leg.follows_path for leg in cycle.legs):
         _require_rides(kept)
         return kept  # without prices nothing bounds its heat
     _require_priced(fastest)
