@@ -111,16 +111,16 @@ static void compute(const Call *c, double *worst) {
 /* sizes; numbers; then arrays as in Mesh, empty if absent; status; results */
 static void compute(const Call *c, double *worst) {
   const int64_t *size = (const int64_t *)c->array[0];
-  const double *number = c->array[1], *array[10];
-  for (int i = 0; i < 10; i++) array[i] = c->count[2 + i] ? c->array[2 + i] : NULL;
-  double *results = block(8 * c->count[13]);
+  const double *number = c->array[1], *array[11];
+  for (int i = 0; i < 11; i++) array[i] = c->count[2 + i] ? c->array[2 + i] : NULL;
+  double *results = block(8 * c->count[14]);
   Mesh mesh = {size[0], size[1], size[2], size[3], size[4], size[5],
                number[0], number[1], number[2], number[3], number[4], number[5], number[6],
                array[0], array[1], array[2], array[3], array[4], array[5], array[6], array[7],
-               array[8], array[9], rows, results};
+               array[8], array[9], array[10], rows, results};
   const double status = (double)on_mesh(&mesh);
-  compare(&status, c->array[12], 1, worst);
-  if (status == 0) compare(results, c->array[13], c->count[13], worst);
+  compare(&status, c->array[13], 1, worst);
+  if (status == 0) compare(results, c->array[14], c->count[14], worst);
   free(results);
 }
 

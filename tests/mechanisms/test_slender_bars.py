@@ -83,7 +83,7 @@ def test_force_vanishes_for_torques_of_inverse_dynamics():
 
 
 def test_bars_that_are_not_slender_are_served_too():
-    forearm = ORSINO.forearm.model_copy(update={"inertia": (6e-3, 1e-4, 5e-3)})
+    forearm = ORSINO.forearm.model_copy(update={"inertia": (6e-3, 2e-3, 5e-3)})
     model = DeltaModel(ORSINO.model_copy(update={"forearm": forearm}), 1.0)
     x, v, a, tau = states(model)
     force, alignment, *motors = evaluate_rows(

@@ -146,7 +146,7 @@ def test_bars_that_do_not_meet():
 # Compiled functions against the general derivation, interpreted
 
 OTHER_BARS = ALL_TERMS.model_copy(
-    update={"forearm": ALL_TERMS.forearm.model_copy(update={"inertia": (0.02, 0.001, 0.03)})}
+    update={"forearm": ALL_TERMS.forearm.model_copy(update={"inertia": (0.02, 0.015, 0.03)})}
 )
 MODELS = {
     "orsino": DeltaModel(ORSINO, 1.0),
