@@ -37,7 +37,7 @@ _STRONGER = 5.0
 motions of neighbouring cells give way to each other."""
 _MOST_TIGHTER = 0.5
 """Of a limit: more leaves nothing to hold the robot with."""
-_MOST_MOTIONS, _MOST_TIGHTENED, _MOST_FAILURES = 40, 8, 2
+_MOST_MOTIONS, _MOST_TIGHTENED = 40, 8
 _MOST_CELLS = 20_000
 _CHANGE = 0.1
 """Share of the tolerance by which the duration may still change when tangents are taken anew."""
@@ -71,17 +71,9 @@ class PathTiming:
         Infeasible where there is none, or it comes to a standstill."""
         enough = share * self.tolerance
         before = earlier = self._first()
-        mesh, failures = before.evenly(_EVEN), 0
+        mesh = before.evenly(_EVEN)
         for _ in range(_MOST_MOTIONS):
-            try:
-                found = self._on(mesh, self._tangency(mesh, before, earlier))
-            except Infeasible as error:  # perhaps on this mesh only
-                self.report(f"{len(mesh.h)} cells: {error}")
-                failures += 1
-                if failures > _MOST_FAILURES:
-                    raise
-                mesh = mesh.split(np.full(len(mesh.h), 2))
-                continue
+            found = self._on(mesh, self._tangency(mesh, before, earlier))
             loss, motion = found.losses, found.motion
             changed = abs(motion.duration / before.duration - 1)
             if loss.sum() <= enough:
