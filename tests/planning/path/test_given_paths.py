@@ -113,6 +113,24 @@ def test_coulomb_friction_that_changes_fast_beside_rest(ramp, speeds):
     assert plan.duration < deltaopt.plan(smooth).duration
 
 
+def test_friction_beside_a_limit_of_acceleration():
+    """Slopes of its row at another speed are no tangents: that took 40 s, and a gap of 5e-3."""
+    robot = deltaopt.load_robot(PROBLEMS / "robots" / "industrial.yaml")
+    rough = {"viscous": 0.4, "coulomb": 1.2, "speed": 0.02}
+    drive = robot.drive.model_copy(update={"friction": rough})
+    scene = Scene(
+        robot=robot.model_copy(update={"drive": drive}),
+        payload=1.0,
+        start=(0.291, -0.665, 0.231),
+        goal=(0.787, -0.381, -0.095),
+        path={"points": [(0.935, -0.121, 0.248)], "blend": 0.01},
+        limits={"acceleration": 20.0},
+    )
+    plan = deltaopt.plan(scene)
+    assert plan.gap < 1e-3
+    assert deltaopt.verify(scene, plan.trajectory).ok
+
+
 @pytest.mark.parametrize(
     ("scene", "path", "cells"), [(PICK, "line", 800), (CROSS, "line", 800), (CROSS, ROUNDED, 2400)]
 )
