@@ -48,7 +48,9 @@ def run(arguments: argparse.Namespace) -> int:
             cells = []
             for each in rows:
                 found = checked_table(scene, trajectory, each, interpolation)
-                kept = table_within_limits(scene, trajectory, each, interpolation, False)
+                kept = table_within_limits(
+                    scene, trajectory, each, interpolation, in_time=not scene.task.is_at_rest
+                )
                 cells.append(f"{found.demand.share:.4f} ({kept.slowed - 1:.2%})")
             print(f"| {file.stem} | {interpolation.name} | {' | '.join(cells)} |", flush=True)
     return 0

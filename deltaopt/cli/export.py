@@ -191,7 +191,9 @@ def _c(arguments: argparse.Namespace) -> list[Path]:
     from deltaopt.output.controller_c import export_c, export_plan_c
 
     if arguments.of.is_dir() or arguments.of.suffix == ".json":
-        trajectory, remarks = _verified(load_plan(arguments.of), arguments.of, arguments)
+        plan = load_plan(arguments.of)
+        in_time = not plan.scene.task.is_at_rest
+        trajectory, remarks = _verified(plan, arguments.of, arguments, in_time)
         return export_plan_c(trajectory, arguments.output, remarks)
     if arguments.keep_limits or arguments.anyway or arguments.slower != 1:
         raise WrongUsage("--keep-limits, --anyway and --slower are for a PLAN, which moves")
@@ -301,7 +303,7 @@ def _checked(
 
 
 def _verified(
-    plan: SavedPlan, file: Path, arguments: argparse.Namespace, in_time: bool = False
+    plan: SavedPlan, file: Path, arguments: argparse.Namespace, in_time: bool
 ) -> tuple[Trajectory, list[str]]:
     """The motion of a saved plan so many times as slow as is asked for, and what is wrong with it:
     of what slowing cures only with --anyway. Raises BeyondLimits."""
@@ -313,7 +315,6 @@ def _verified(
         cured = found.safe_duration if beyond <= set(found.excesses) and not edited else None
         needed = (cured or inf) / plan.duration
     if needed > slower and not arguments.anyway:
-        in_time = in_time or not plan.scene.task.is_at_rest
         if not _may_slow(in_time, arguments, needed / slower - 1):
             price = [f"--keep-limits ({percent(needed - 1)} slower)"]
             raise _refusal(f"{file}: {'; '.join(remarks)}", price if isfinite(needed) else [])

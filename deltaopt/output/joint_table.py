@@ -237,12 +237,13 @@ def table_within_limits(
     scene: Scene, trajectory: Trajectory, rows: Rows, interpolation: Interpolation, in_time: bool
 ) -> CheckedTable:
     """The table of a motion whose interpolation keeps every limit: with more rows between knots
-    where an end moves or it is to be ``in_time``, otherwise slowed until it does.
+    where it is to be ``in_time``, since it or what follows it meets an end that moves; otherwise
+    slowed until it does.
 
     Torques of acceleration fall with the square of the factor, so that its root is the next guess.
     Raises Infeasible where slowing does not help, as where it ``begins`` with too much.
     """
-    if rows.cycle is None and (in_time or not scene.task.is_at_rest):  # slowed it is not
+    if rows.cycle is None and in_time:
         for parts in _MORE_ROWS:
             own = replace(rows, parts=parts)
             found = checked_table(scene, trajectory, own, interpolation)

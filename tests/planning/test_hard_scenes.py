@@ -182,8 +182,8 @@ def test_ends_with_a_singularity_between_them_are_refused_with_the_reason():
 
 
 def test_a_cycle_whose_legs_tell_no_gap_is_planned(monkeypatch):
-    """Such as fast states under limits of torque rates, at tight tolerances: it was a division by
-    zero."""
+    """Legs that pass fast states under limits of torque rates tell no gap at tight tolerances; that
+    was a division by zero."""
     with_gap = Planner.plan_scene
 
     def without_gap(*given: object, **named: object) -> Plan:

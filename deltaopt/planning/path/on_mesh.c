@@ -59,7 +59,8 @@ static inline void put_state(Places *at, int64_t k, double speed, double u) {
   at->states[2 * k] = speed, at->states[2 * k + 1] = u;
 }
 
-/* Whether all rows are numbers; their slopes by the speed are put there. */
+/* Evaluates all rows at places, and puts their slopes by the speed into ``slopes``. Whether all
+   rows are numbers. */
 static int evaluated(const Mesh *m, const Places *at, int64_t n, double *slopes) {
   const int64_t call[] = {n, 3, 3, 3, 2, (int64_t)at->x, (int64_t)at->dx, (int64_t)at->ddx,
                           (int64_t)at->states, (int64_t)m->parameters, (int64_t)at->values,
@@ -186,12 +187,14 @@ static int64_t swept_on(Mesh *m, double *memory) {
       put_place(m, &ends, k, piece, since);
     }
   }
-  for (int slow = 0; slow < 2; slow++) {  /* what is taken at the motion itself comes last */
+  /* First the slopes, at no less than the slowest speed; then values and alpha, at the motion
+     itself, whose own slopes nobody needs. */
+  for (int own = 0; own < 2; own++) {
     for (int64_t k = 0; k < 2 * n; k++) {
       const double speed = sqrt(fmax(m->b[k], 0));
-      put_state(&ends, k, slow ? speed : fmax(speed, m->slowest), m->u[k]);
+      put_state(&ends, k, own ? speed : fmax(speed, m->slowest), m->u[k]);
     }
-    if (!evaluated(m, &ends, 2 * n, slow ? t.beta : ends.slopes)) return NO_NUMBERS;
+    if (!evaluated(m, &ends, 2 * n, own ? t.beta : ends.slopes)) return NO_NUMBERS;
   }
   take_tangents(m, &ends, &t);
   const double unit = t.length / t.largest;

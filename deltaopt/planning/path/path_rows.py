@@ -137,8 +137,8 @@ class PathRows:
         """ṡ below which slopes by b are taken at it. Values are those of the motion itself, so that
         rows and what stands for them agree once motions no longer change. Beside rows that are
         curved in u, of which other slopes are no tangents, it is hardly any."""
-        is_usual = self.are_convex or len(self.curved)
-        return (_RESTING if is_usual else _SLOWEST) * self.usual_speed
+        has_steep_slopes = not (self.are_convex or len(self.curved))
+        return (_SLOWEST if has_steep_slopes else _RESTING) * self.usual_speed
 
     def _tangents(self, places: Places, b: Array, u: Array, slowest: float) -> AffineRows:
         speed = np.sqrt(np.maximum(b, 0.0))

@@ -48,8 +48,7 @@ class PathTiming:
     """Times the path of rows as fast as they allow.
 
     ``tolerance``: relative gap of the duration. ``report``: is called with a line of text after
-    every mesh. ``meshes``: how many were solved so far. ``_slowest``: share of the usual squared
-    speed at which tangents are taken at least.
+    every mesh. ``meshes``: how many were solved so far.
     """
 
     rows: PathRows
