@@ -36,9 +36,10 @@ _ALONG = 1001
 _KEPT = 1e-10
 """Excess up to which a motion that begins or ends at a speed keeps its limits: it must not be
 slowed, for that would change its boundary values."""
-_MOST_MARGINS, _MORE = 30, 1.5
-"""How often cells are looked for in which such a motion exceeds limits, and the factor on what they
-are tightened by there."""
+_MOST_MARGINS, _MORE, _FOR_NOTHING = 30, 1.5, 0.01
+"""How often cells are looked for in which such a motion exceeds limits, the factor on what they are
+tightened by there, and the share of the tolerance up to which all cells are, for it costs no more
+than that: many may exceed limits by next to nothing, and each look takes long on fine meshes."""
 _SHARES = (0.5, 0.2, 0.05)
 """Of the tolerance: estimated losses at which meshes are not refined further. The rest is for
 tightening and slowing; if that is not enough, all is done again with the next."""
@@ -150,8 +151,8 @@ def _slowed(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, OnMesh
 
 
 def _held(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, OnMesh]:
-    """The fastest motion between given speeds, with limits tightened until none is exceeded, in
-    cells in which it was found to be; its gap, and what it is on its mesh.
+    """The fastest motion between given speeds, with limits tightened until none is exceeded: in
+    cells in which one was found to be, and at last in all; its gap, and what it is on its mesh.
 
     Raises NotConverged where that takes too long.
     """
@@ -161,10 +162,13 @@ def _held(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, OnMesh]:
         found, loss = timing.tightened(raw, margins)
         trajectory = _on_mesh(scene, found)
         highest = highest_rows(problem, trajectory)
-        beyond, cells = highest.values[rows] - 1, highest.intervals[rows]
+        beyond, cells = np.maximum(highest.values[rows] - 1, 0.0), highest.intervals[rows]
         if beyond.max() <= _KEPT:
             return trajectory, loss, found
-        np.maximum.at(margins, cells, margins[cells] + _MORE * np.maximum(beyond, 0.0))
+        if beyond.max() <= _FOR_NOTHING * timing.tolerance:
+            margins += _MORE * beyond.max()
+        else:
+            np.maximum.at(margins, cells, margins[cells] + _MORE * beyond)
     raise NotConverged("limits are exceeded between points of every mesh", "margin", trajectory)
 
 
